@@ -1,0 +1,32 @@
+# Two commands do everything on a fresh Debian 12 or Ubuntu 24.04: make demo, make test.
+.PHONY: demo test proof benchmark format setup clean
+
+bin := .venv/bin
+
+demo: setup
+	$(bin)/weft run configs/examples/knit_swatch.toml
+
+test: setup
+	$(bin)/ruff check .
+	$(bin)/ruff format --check .
+	$(bin)/mypy
+	$(bin)/lint-imports
+	$(bin)/python -m pytest -m "not proof" $(PYTEST_ARGUMENTS)
+
+# Millions of samples and hundreds of kills: minutes to hours. Figures go into the README of their folder.
+proof: setup
+	$(bin)/python -m pytest -m proof $(PYTEST_ARGUMENTS)
+
+# Ratios against peers, from one run; never pass or fail.
+benchmark: setup
+	$(bin)/python -m pytest tests/benchmarks -m benchmark -s --override-ini testpaths=tests/benchmarks
+
+format: setup
+	$(bin)/ruff check --fix .
+	$(bin)/ruff format .
+
+setup:
+	@./setup.sh
+
+clean:
+	rm -rf .venv build .mypy_cache .ruff_cache .pytest_cache
