@@ -1,0 +1,54 @@
+"""Paths to input files in config models: relative to the file that names them, and there before any work starts."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator
+from pydantic_core import PydanticCustomError
+
+
+class TextFromFile(str):
+    """A string read from a config file; it remembers the folder that its relative paths start from."""
+
+    folder: Path
+
+    def __new__(cls, text: str, folder: Path) -> TextFromFile:
+        value = super().__new__(cls, text)
+        value.folder = folder
+        return value
+
+
+def _resolve_against_its_file(value: Any) -> Any:
+    if isinstance(value, TextFromFile):
+        # the full path, with "~" for the home folder; symbolic links stay as the user wrote them
+        return Path(value.folder, Path(str(value)).expanduser())
+    return value
+
+
+def _must_be_a_file(path: Path) -> Path:
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise PydanticCustomError("input_file", "{path} is a folder, not a file", {"path": str(path)})
+    raise PydanticCustomError(
+        "input_file",
+        "file not found: {path}{suggestion}",
+        {"path": str(path), "suggestion": _similar_name(path)},
+    )
+
+
+def _similar_name(path: Path) -> str:
+    """`; did you mean 'x'?` for a file of nearly this name in the same folder, or what is wrong with the folder."""
+    try:
+        names = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return "; its folder does not exist"
+    close = difflib.get_close_matches(path.name, names, n=1)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+InputFile = Annotated[Path, BeforeValidator(_resolve_against_its_file), AfterValidator(_must_be_a_file)]
+"""An existing file. From a config file: relative to that file's folder. From Python: a plain path."""
