@@ -1,0 +1,140 @@
+"""Uniform Catmull-Rom curves (Catmull and Rom 1974): evaluation, arc length, and its inverse.
+
+Segment k between control points P1 and P2 with neighbors P0 and P3, u in [0, 1]:
+p(u) = 1/2 [2 P1 + (P2 - P0) u + (2 P0 - 5 P1 + 4 P2 - P3) u^2 + (3 P1 - P0 - 3 P2 + P3) u^3].
+Open ends get the reflected phantom points 2 P0 - P1, so the end tangent points along the last chord.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .yarns import YarnSet
+
+PIECES = 4
+"""Quadrature pieces per segment; with 4 Gauss points each the arc length is good to about 1e-9."""
+CHUNK = 1 << 17
+"""Samples handled at once, to bound the memory of temporaries."""
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(4)
+
+
+@dataclass(frozen=True)
+class CatmullRom:
+    """All yarns of a set as polynomial segments, yarn after yarn."""
+
+    coefficients: np.ndarray
+    """Polynomial of each segment [mm], float64, shape [segment_count, 4 (power of u), 3]."""
+    offsets: np.ndarray
+    """First segment of each yarn, int64, shape [yarn_count + 1]."""
+
+    @classmethod
+    def through(cls, yarns: YarnSet) -> CatmullRom:
+        """The curves through the control points of `yarns`."""
+        counts = yarns.point_counts
+        segment_counts = np.where(yarns.closed, counts, counts - 1)
+        offsets = np.concatenate([[0], np.cumsum(segment_counts)])
+        yarn = np.repeat(np.arange(yarns.yarn_count), segment_counts)
+        local = np.arange(offsets[-1]) - offsets[yarn]
+        first, count, closed = yarns.offsets[yarn], counts[yarn], yarns.closed[yarn]
+
+        def neighbor(step: int) -> np.ndarray:
+            wrapped = (local + step) % count
+            return yarns.points[first + np.where(closed, wrapped, np.clip(local + step, 0, count - 1))]
+
+        p0, p1, p2, p3 = (neighbor(step) for step in (-1, 0, 1, 2))
+        at_start = ~closed & (local == 0)
+        at_end = ~closed & (local == count - 2)
+        p0[at_start] = 2 * p1[at_start] - p2[at_start]
+        p3[at_end] = 2 * p2[at_end] - p1[at_end]
+        coefficients = np.stack(
+            [p1, 0.5 * (p2 - p0), p0 - 2.5 * p1 + 2 * p2 - 0.5 * p3, 0.5 * (3 * p1 - p0 - 3 * p2 + p3)],
+            axis=1,
+        )
+        return cls(coefficients, offsets)
+
+    def position(self, segment: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Point [mm] at parameter u of each named segment, shape [n, 3]."""
+        c = self.coefficients[segment]
+        u = u[:, None]
+        return c[:, 0] + u * (c[:, 1] + u * (c[:, 2] + u * c[:, 3]))
+
+    def derivative(self, segment: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """dp/du [mm], shape [n, 3]."""
+        c = self.coefficients[segment]
+        u = u[:, None]
+        return c[:, 1] + u * (2 * c[:, 2] + u * (3 * c[:, 3]))
+
+    def second_derivative(self, segment: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """d2p/du2 [mm], shape [n, 3]."""
+        c = self.coefficients[segment]
+        return 2 * c[:, 2] + u[:, None] * (6 * c[:, 3])
+
+    def arc_length(self, segment: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> np.ndarray:
+        """Length [mm] from u0 to u1 within each named segment, by 4-point Gauss-Legendre."""
+        half, middle = 0.5 * (u1 - u0), 0.5 * (u1 + u0)
+        total = np.zeros(len(segment))
+        for x, weight in zip(_GAUSS_X, _GAUSS_W, strict=True):
+            total += weight * norm(self.derivative(segment, middle + half * x))
+        return half * total
+
+    def piece_lengths(self) -> np.ndarray:
+        """Length [mm] of each of the `PIECES` equal parameter pieces of every segment, shape [segments, PIECES]."""
+        count = len(self.coefficients)
+        lengths = np.empty((count, PIECES))
+        for begin in range(0, count, CHUNK):
+            segment = np.arange(begin, min(begin + CHUNK, count))
+            for piece in range(PIECES):
+                u0 = np.full(len(segment), piece / PIECES)
+                lengths[segment, piece] = self.arc_length(segment, u0, u0 + 1 / PIECES)
+        return lengths
+
+    def lengths(self) -> np.ndarray:
+        """Arc length of each yarn [mm], shape [yarn_count]."""
+        return np.array([knots[-1] for knots in self.knots()])
+
+    def knots(self) -> list[np.ndarray]:
+        """Arc length [mm] at the beginning of each quadrature piece and at the end, one array per yarn."""
+        pieces = self.piece_lengths()
+        return [
+            np.concatenate([[0.0], np.cumsum(pieces[begin:end])])
+            for begin, end in zip(self.offsets[:-1], self.offsets[1:], strict=True)
+        ]
+
+    def parameter_at(
+        self, yarn: int, knots: np.ndarray, distance: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Segment and parameter u at arc length `distance` [mm] along one yarn.
+
+        Finds the quadrature piece, then Newton on the arc length inside it, safeguarded by bisection.
+        """
+        piece = np.clip(np.searchsorted(knots, distance, side="right") - 1, 0, len(knots) - 2)
+        segment = self.offsets[yarn] + piece // PIECES
+        start = (piece % PIECES) / PIECES
+        target = distance - knots[piece]
+        piece_length = knots[piece + 1] - knots[piece]
+        low, high = start, start + 1 / PIECES
+        u = (
+            start
+            + np.divide(target, piece_length, out=np.zeros_like(target), where=piece_length > 0) / PIECES
+        )
+        for _ in range(3):
+            error = self.arc_length(segment, start, u) - target
+            low, high = np.where(error < 0, u, low), np.where(error < 0, high, u)
+            speed = norm(self.derivative(segment, u))
+            step = u - np.divide(error, speed, out=np.zeros_like(error), where=speed > 0)
+            u = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        return segment, u
+
+
+def norm(vectors: np.ndarray) -> np.ndarray:
+    """Length of each row, shape [n]."""
+    return np.sqrt(dot(vectors, vectors))
+
+
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Row-wise dot product, shape [n]; summed in a fixed order, so equal bits whatever the batch."""
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
