@@ -1,19 +1,19 @@
 """Rotation-minimizing frames along yarns by double reflection (Wang, Juettler, Zheng and Liu 2008).
 
-The yarns are first resampled to uniform arc length. The paper carries one normal from sample to sample; here every
-sample gets a reference normal of its own, the double reflection is applied to all of them at once, and only the
-turning angle between a transported reference and the next one is summed along the yarn. A frame turned by a
-constant angle stays rotation-minimizing, so the result is the paper's, without a loop over samples.
+The yarns are first resampled to uniform arc length. The paper carries one normal from sample to sample.
+Here every sample gets a reference normal of its own, the double reflection carries all of them one step at
+once, and only the angle between a carried reference and the next one is summed along the yarn. Carrying
+commutes with turning about the tangent, so the result is the paper's, without a loop over samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from .catmull_rom import CHUNK, CatmullRom, dot, norm
+from .catmull_rom import CHUNK, PIECES, CatmullRom, dot, norm
 from .yarns import YarnSet
 
 STEP_PER_RADIUS = 0.25
@@ -25,9 +25,9 @@ MIN_INTERVALS = 8
 class YarnFrames:
     """Frames at uniform arc length along every yarn; sample i of yarn y lies at arc length i * step[y].
 
-    A yarn of n intervals has n + 1 samples, both ends included. The last sample of a closed yarn repeats its first
-    one (equal position, tangent and normal bit for bit), so interpolation over [0, length] needs no special case;
-    beyond it, wrap the arc length.
+    A yarn of n intervals has n + 1 samples, both ends included. The last sample of a closed yarn repeats its
+    first one (equal position, tangent, normal, bit for bit), so interpolation over [0, length] needs no
+    special case; beyond it, wrap the arc length.
     """
 
     position: np.ndarray
@@ -64,7 +64,7 @@ class YarnFrames:
         return index * np.repeat(self.step, np.diff(self.offsets))
 
     def folded_count(self, radius: np.ndarray) -> int:
-        """Samples where curvature times yarn radius [mm], shape [yarn_count], passes 1: the inner side folds over."""
+        """Samples whose curvature times yarn `radius` [mm], shape [yarn_count], passes 1: they fold."""
         return int((self.curvature * np.repeat(radius, np.diff(self.offsets)) > 1).sum())
 
 
@@ -72,7 +72,6 @@ def build_frames(
     yarns: YarnSet,
     *,
     max_step_mm: float | None = None,
-    progress: Callable[[float, str], None] | None = None,
 ) -> YarnFrames:
     """Resample every yarn to uniform arc length and give each sample a rotation-minimizing frame.
 
@@ -82,58 +81,52 @@ def build_frames(
     """
     curves = CatmullRom.through(yarns)
     knots = curves.knots()
-    length = np.array([yarn_knots[-1] for yarn_knots in knots])
+    length = knots[curves.knot_offsets[1:] - 1]
     max_step = STEP_PER_RADIUS * yarns.radius if max_step_mm is None else np.full(len(length), max_step_mm)
     intervals = np.maximum(np.ceil(length / max_step * (1 - 1e-12)), MIN_INTERVALS).astype(np.int64)
     offsets = np.concatenate([[0], np.cumsum(intervals + 1)])
-    position, tangent, normal = (np.empty((offsets[-1], 3)) for _ in range(3))
-    curvature = np.empty(offsets[-1])
-    for yarn, (begin, end) in enumerate(zip(offsets[:-1], offsets[1:], strict=True)):
-        distance = np.arange(intervals[yarn] + 1) * (length[yarn] / intervals[yarn])
-        part = slice(begin, end)
-        u = _sample_yarn(curves, yarn, knots[yarn], distance, position[part], tangent[part], curvature[part])
-        if yarns.closed[yarn]:
-            _repeat_first_sample(position[part], tangent[part], curvature[part])
-        angle = rotation_minimizing_angle(position[part], tangent[part])
-        if yarns.closed[yarn]:
-            angle -= closing_angle(angle) * np.linspace(0, 1, len(angle))
-        angle += _twist_at(yarns, yarn, u)
-        normal[part] = turn_reference(tangent[part], angle)
-        if yarns.closed[yarn]:
-            normal[end - 1] = normal[begin]
-        if progress is not None and (yarn % 64 == 0):
-            progress(end / offsets[-1], f"frames: yarn {yarn + 1} of {yarns.yarn_count}")
-    return YarnFrames(
-        position, tangent, normal, curvature, offsets, length / intervals, length, yarns.closed.copy()
-    )
+    step = length / intervals
+
+    piece = locate_pieces(curves, knots, step, offsets)
+    position, tangent, curvature, parameter = _sample(curves, knots, step, offsets, piece)
+    _repeat_first_sample(yarns.closed, offsets, position, tangent, curvature)
+    angle = rotation_minimizing_angle(position, tangent, offsets)
+    _close_angle(yarns.closed, offsets, angle)
+    if yarns.twist is not None:
+        angle += _twist_at(yarns, curves, parameter, offsets)
+    normal = turn_reference(tangent, angle)
+    _repeat_first_sample(yarns.closed, offsets, normal)
+    return YarnFrames(position, tangent, normal, curvature, offsets, step, length, yarns.closed.copy())
 
 
-def rotation_minimizing_angle(position: np.ndarray, tangent: np.ndarray) -> np.ndarray:
-    """Angle [rad] of the rotation-minimizing normal against `reference_normal`, zero at the first sample.
+def rotation_minimizing_angle(position: np.ndarray, tangent: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Angle [rad] of the rotation-minimizing normal against `reference_normal`, zero where a yarn begins.
 
-    `position` [mm] and unit `tangent`, shape [n, 3], along one yarn.
+    `position` [mm] and unit `tangent`, shape [n, 3], yarn after yarn as in `offsets`.
     """
-    steps = np.empty(len(position))
-    steps[0] = 0.0
+    angle = np.zeros(len(position))
     for begin in range(0, len(position) - 1, CHUNK):
         end = min(begin + CHUNK, len(position) - 1)
         x, t = position[begin : end + 1], tangent[begin : end + 1]
         reference = reference_normal(t)
         carried = double_reflection(x[:-1], x[1:], t[:-1], t[1:], reference[:-1])
-        steps[begin + 1 : end + 1] = _angle_about(t[1:], reference[1:], carried)
-    return np.cumsum(steps)
+        angle[begin + 1 : end + 1] = _angle_about(t[1:], reference[1:], carried)
+    for begin, end in pairwise(offsets):
+        angle[begin] = 0.0
+        np.cumsum(angle[begin:end], out=angle[begin:end])
+    return angle
 
 
 def double_reflection(
     x0: np.ndarray, x1: np.ndarray, t0: np.ndarray, t1: np.ndarray, normal: np.ndarray
 ) -> np.ndarray:
-    """Carry `normal` from the frame at x0 with tangent t0 to the one at x1 with tangent t1 (Wang 2008, table I)."""
+    """Carry `normal` from the frame (x0, t0) to the frame (x1, t1) (Wang et al. 2008, table I)."""
     carried, turned = _reflect(normal, x1 - x0), _reflect(t0, x1 - x0)
     return _reflect(carried, t1 - turned)
 
 
 def reference_normal(tangent: np.ndarray) -> np.ndarray:
-    """A unit normal that depends on the tangent alone: the coordinate axis farthest from it, made perpendicular."""
+    """A unit normal given by the tangent alone: the coordinate axis farthest from it, made perpendicular."""
     axis = np.zeros_like(tangent)
     axis[np.arange(len(tangent)), np.argmin(np.abs(tangent), axis=1)] = 1.0
     normal = axis - dot(axis, tangent)[:, None] * tangent
@@ -150,11 +143,6 @@ def turn_reference(tangent: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return normal
 
 
-def closing_angle(angle: np.ndarray) -> float:
-    """Angle in [-pi, pi) by which the frame at the end of a loop is ahead of the one at its beginning [rad]."""
-    return float((angle[-1] - angle[0] + np.pi) % (2 * np.pi) - np.pi)
-
-
 def _reflect(vectors: np.ndarray, across: np.ndarray) -> np.ndarray:
     """Mirror rows of `vectors` on the plane with normal `across`; unchanged where that is zero."""
     square = dot(across, across)
@@ -167,59 +155,85 @@ def _angle_about(tangent: np.ndarray, reference: np.ndarray, vectors: np.ndarray
     return np.arctan2(dot(np.cross(tangent, reference), vectors), dot(reference, vectors))
 
 
-def _sample_yarn(
-    curves: CatmullRom,
-    yarn: int,
-    knots: np.ndarray,
-    distance: np.ndarray,
-    position: np.ndarray,
-    tangent: np.ndarray,
-    curvature: np.ndarray,
-) -> np.ndarray:
-    """Fill position, tangent and curvature at the arc lengths `distance`; return the curve parameter of each.
+def locate_pieces(curves: CatmullRom, knots: np.ndarray, step: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Quadrature piece that holds each sample, int64, shape [sample_count]."""
+    piece = np.empty(offsets[-1], np.int64)
+    knot_offsets = curves.knot_offsets
+    for yarn, (begin, end) in enumerate(pairwise(offsets)):
+        inner_knots = knots[knot_offsets[yarn] + 1 : knot_offsets[yarn + 1] - 1]
+        local = np.searchsorted(inner_knots, np.arange(end - begin) * step[yarn], side="right")
+        piece[begin:end] = local + curves.offsets[yarn] * PIECES
+    return piece
 
-    The parameter counts control points: 2.5 lies in the middle between points 2 and 3.
-    """
-    parameter = np.empty(len(distance))
-    for begin in range(0, len(distance), CHUNK):
+
+def _sample(
+    curves: CatmullRom, knots: np.ndarray, step: np.ndarray, offsets: np.ndarray, piece: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Position, unit tangent, curvature and curve parameter (segment + u) at every sample."""
+    count = len(piece)
+    position, tangent = np.empty((count, 3)), np.empty((count, 3))
+    curvature, parameter = np.empty(count), np.empty(count)
+    for begin in range(0, count, CHUNK):
         part = slice(begin, begin + CHUNK)
-        segment, u = curves.parameter_at(yarn, knots, distance[part])
-        velocity = curves.derivative(segment, u)
-        speed = norm(velocity)
+        index = np.arange(begin, min(begin + CHUNK, count))
+        yarn = np.searchsorted(offsets, index, side="right") - 1
+        knot = piece[part] + yarn  # every yarn before this one has one knot more than pieces
+        target = (index - offsets[yarn]) * step[yarn] - knots[knot]
+        u = curves.parameter_at(piece[part], knots[knot + 1] - knots[knot], target)
+        segment = piece[part] // PIECES
         position[part] = curves.position(segment, u)
-        still = speed <= 1e-9 * knots[-1]
-        tangent[part] = velocity / np.where(still, 1.0, speed)[:, None]
-        tangent[part][still] = 0.0
-        bend = norm(np.cross(velocity, curves.second_derivative(segment, u)))
-        curvature[part] = np.where(still, 0.0, bend / np.where(still, 1.0, speed) ** 3)
-        parameter[part] = segment - curves.offsets[yarn] + u
+        tangent[part], curvature[part] = _tangent_and_curvature(curves, segment, u, step[yarn])
+        parameter[part] = segment + u
     _mend_tangents(position, tangent)
-    return parameter
+    return position, tangent, curvature, parameter
+
+
+def _tangent_and_curvature(
+    curves: CatmullRom, segment: np.ndarray, u: np.ndarray, step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Unit tangent, and |p' x p''| / |p'|^3 [1/mm]; both zero where the curve stands still."""
+    velocity = curves.derivative(segment, u)
+    speed = norm(velocity)
+    speed = np.where(speed > 1e-9 * step, speed, np.inf)
+    bend = norm(np.cross(velocity, curves.second_derivative(segment, u)))
+    return velocity / speed[:, None], bend / speed**3
 
 
 def _mend_tangents(position: np.ndarray, tangent: np.ndarray) -> None:
-    """Where the curve stands still (repeated control points) take the direction between the neighboring samples."""
-    for index in np.flatnonzero(~tangent.any(axis=1)):
-        chord = position[min(index + 1, len(position) - 1)] - position[max(index - 1, 0)]
-        length = np.linalg.norm(chord)
-        tangent[index] = chord / length if length > 0 else (1.0, 0.0, 0.0)
+    """Where a curve stands still (repeated control points) take the direction between neighboring samples."""
+    still = np.flatnonzero(~tangent.any(axis=1))
+    chord = position[np.minimum(still + 1, len(position) - 1)] - position[np.maximum(still - 1, 0)]
+    length = norm(chord)
+    chord[length == 0] = (1.0, 0.0, 0.0)
+    tangent[still] = chord / np.where(length > 0, length, 1.0)[:, None]
 
 
-def _repeat_first_sample(*arrays: np.ndarray) -> None:
-    """Make the last sample of a loop equal its first, bit for bit."""
+def _repeat_first_sample(closed: np.ndarray, offsets: np.ndarray, *arrays: np.ndarray) -> None:
+    """Make the last sample of every loop equal its first, bit for bit."""
     for array in arrays:
-        array[-1] = array[0]
+        array[offsets[1:][closed] - 1] = array[offsets[:-1][closed]]
 
 
-def _twist_at(yarns: YarnSet, yarn: int, parameter: np.ndarray) -> np.ndarray | float:
+def _close_angle(closed: np.ndarray, offsets: np.ndarray, angle: np.ndarray) -> None:
+    """Spread the angle by which each loop's frame fails to close, at most half a turn, over its length."""
+    for yarn in np.flatnonzero(closed):
+        part = angle[offsets[yarn] : offsets[yarn + 1]]
+        excess = (part[-1] + np.pi) % (2 * np.pi) - np.pi
+        part -= excess * np.linspace(0.0, 1.0, len(part))
+
+
+def _twist_at(yarns: YarnSet, curves: CatmullRom, parameter: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Material twist [rad] at curve parameters, linear between control points.
 
     A loop's twist ends a whole number of turns from where it began, the number nearest to its last point's.
     """
-    if yarns.twist is None:
-        return 0.0
-    twist = yarns.twist[yarns.offsets[yarn] : yarns.offsets[yarn + 1]]
-    if yarns.closed[yarn]:
-        turns = np.round((twist[-1] - twist[0]) / (2 * np.pi))
-        twist = np.append(twist, twist[0] + 2 * np.pi * turns)
-    return np.interp(parameter, np.arange(len(twist)), twist)
+    assert yarns.twist is not None
+    result = np.empty(len(parameter))
+    for yarn, (begin, end) in enumerate(pairwise(offsets)):
+        twist = yarns.twist[yarns.offsets[yarn] : yarns.offsets[yarn + 1]]
+        if yarns.closed[yarn]:
+            turns = np.round((twist[-1] - twist[0]) / (2 * np.pi))
+            twist = np.append(twist, twist[0] + 2 * np.pi * turns)
+        knots = curves.offsets[yarn] + np.arange(len(twist))
+        result[begin:end] = np.interp(parameter[begin:end], knots, twist)
+    return result

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,15 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
 MIN_POINTS = 4
 """Fewest control points of a centerline."""
 MAX_COORDINATE_MM = 1e7
 """Ten kilometers: larger coordinates are a wrong unit or a corrupt file."""
-_SCHEMA = "weft.yarns"
-_SCHEMA_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -115,32 +111,16 @@ class YarnSet:
 
     def save(self, path: str | Path) -> None:
         """Write as .npz with its schema name and version; the file appears whole or not at all."""
-        fields: dict[str, Any] = {
-            "schema": np.array(_SCHEMA),
-            "schema_version": np.array(_SCHEMA_VERSION),
-            "points": self.points,
-            "offsets": self.offsets,
-            "closed": self.closed,
-            "radius": self.radius,
-            "yarn_type": self.yarn_type,
-            "type_names": np.array(self.type_names, dtype=np.str_),
-        }
-        fields |= {
-            name: value
-            for name, value in (("twist", self.twist), ("surface_uv", self.surface_uv))
-            if value is not None
-        }
-        with atomic_write(path) as temporary, open(temporary, "wb") as file:
-            np.savez(file, **fields)
+        from .yarn_file import save_yarns
+
+        save_yarns(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> YarnSet:
         """Read a file written by `save`; anything else is an `InputError` that names the file."""
-        fields = _read_npz(Path(path))
-        try:
-            return cls(**fields)
-        except InputError as error:
-            raise InputError(error.what, path=path, place=error.place, hint=error.hint) from None
+        from .yarn_file import load_yarns
+
+        return load_yarns(path)
 
 
 def concatenate(yarn_sets: Sequence[YarnSet]) -> YarnSet:
@@ -218,10 +198,11 @@ def _check_shapes(yarns: YarnSet) -> None:
 
 
 def _check_values(yarns: YarnSet) -> None:
-    """Refuse centerlines that are too short, not finite or without extent, and radii that are not positive."""
+    """Refuse centerlines that are too short, not finite or without extent, and radii that are no radii."""
+    counts = yarns.point_counts
     _refuse_first(
-        yarns.point_counts < MIN_POINTS,
-        lambda y: f"yarn {y} has {_points(yarns.point_counts[y])}; a centerline needs at least {MIN_POINTS}",
+        counts < MIN_POINTS,
+        lambda y: f"yarn {y} has {_points(int(counts[y]))}; a centerline needs at least {MIN_POINTS}",
     )
     bad_points = ~(np.abs(yarns.points) <= MAX_COORDINATE_MM).all(axis=1)
     for name in ("twist", "surface_uv"):
@@ -247,9 +228,11 @@ def _describe_bad_point(yarns: YarnSet, point: int) -> str:
     yarn = int(np.searchsorted(yarns.offsets, point, side="right")) - 1
     where = f"yarn {yarn}, point {point - yarns.offsets[yarn]}"
     coordinates = ", ".join(f"{value:g}" for value in yarns.points[point])
-    if np.isfinite(yarns.points[point]).all() and np.abs(yarns.points[point]).max() > MAX_COORDINATE_MM:
+    if not np.isfinite(yarns.points[point]).all():
+        return f"{where} is not finite: ({coordinates}) mm"
+    if np.abs(yarns.points[point]).max() > MAX_COORDINATE_MM:
         return f"{where} lies at ({coordinates}) mm, beyond ten kilometers; check the unit"
-    return f"{where} is not finite: ({coordinates}) mm"
+    return f"{where} has a twist or (u, v) that is not finite"
 
 
 def _points(count: int) -> str:
@@ -260,27 +243,3 @@ def _refuse_first(bad: np.ndarray, describe: Any) -> None:
     """Raise for the first true entry of `bad`."""
     if bad.any():
         raise InputError(describe(int(np.argmax(bad))))
-
-
-def _read_npz(path: Path) -> dict[str, Any]:
-    """The fields of a yarn file, after its schema has been recognized."""
-    names = ("points", "offsets", "closed", "radius", "yarn_type", "type_names", "twist", "surface_uv")
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            if "schema" not in file or str(file["schema"]) != _SCHEMA:
-                raise InputError("not a yarn file written by weft", path=path)
-            version = int(file["schema_version"])
-            if version > _SCHEMA_VERSION:
-                raise InputError(
-                    f"yarn file of version {version}; this weft reads {_SCHEMA_VERSION}", path=path
-                )
-            missing = [name for name in names[:6] if name not in file]
-            if missing:
-                raise InputError(f"yarn file without '{missing[0]}'", path=path)
-            fields = {name: file[name] for name in names if name in file}
-    except FileNotFoundError:
-        raise InputError("no such file", path=path) from None
-    except (OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        raise InputError("not a readable .npz yarn file; is it damaged?", path=path) from error
-    fields["type_names"] = tuple(str(name) for name in np.atleast_1d(fields["type_names"]))
-    return fields
