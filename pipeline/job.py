@@ -1,0 +1,87 @@
+"""A job as it is read: the values of its file, includes, presets and the command line, all checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from weft.files.errors import InputError
+
+from .includes import read_with_includes
+from .messages import JobErrors, Problem, shown
+from .overrides import apply_overrides
+from .presets import apply_presets
+from .toml_source import TomlDocument
+from .validation import problems_of
+
+
+@dataclass(frozen=True)
+class Job:
+    """A checked job and where its results go."""
+
+    path: Path
+    config: Any
+    """The `JobConfig`, or another model with its tables as fields."""
+    document: TomlDocument
+    """The values before validation, with the place where each was written."""
+    output: Path
+    """Folder of the results."""
+
+    @property
+    def name(self) -> str:
+        return self.path.stem
+
+    def table(self, name: str) -> Any:
+        """The stage's config. Raises `InputError` where the job has no such table."""
+        config = getattr(self.config, name, None)
+        if config is None:
+            raise InputError(f"has no [{name}] table, which this stage needs", path=shown(self.path))
+        return config
+
+    def has(self, name: str) -> bool:
+        return getattr(self.config, name, None) is not None
+
+
+def load_job(
+    path: Path, overrides: Sequence[str] = (), *, model: type[BaseModel], output: Path | None = None
+) -> Job:
+    """Raises `InputError` with one line for every mistake in the job."""
+    document = apply_overrides(read_with_includes(path), overrides)
+    problems: list[Problem] = []
+    document = apply_presets(document, problems)
+    try:
+        config = model.model_validate(document.table)
+    except ValidationError as error:
+        problems += _not_caused_by_presets(problems_of(error, model, document, path), problems)
+    if problems:
+        raise JobErrors(problems)
+    return Job(path, config, document, output or _output_folder(path, config, document))
+
+
+def _not_caused_by_presets(found: list[Problem], presets: list[Problem]) -> list[Problem]:
+    """Without a preset's values its table lacks keys; only the preset's name is the mistake."""
+    tables = [problem.key[:-1] for problem in presets]
+    return [problem for problem in found if not any(problem.key[: len(table)] == table for table in tables)]
+
+
+def _output_folder(path: Path, config: Any, document: TomlDocument) -> Path:
+    """`[output] folder`, or `<job name>.out` beside the job.
+
+    A job may come from somebody else: its file can only name a folder below its own, and only the command
+    line can send results elsewhere.
+    """
+    folder: Path | None = getattr(getattr(config, "output", None), "folder", None)
+    home = path.resolve().parent
+    if folder is None:
+        return home / f"{path.stem}.out"
+    key = ("output", "folder")
+    origin = document.origin(key)
+    if origin is not None and origin.path is None:
+        return folder
+    if not folder.resolve().is_relative_to(home) or folder.resolve() == home:
+        what = f"leads to {folder.resolve()}, outside the job's folder; give --output to write there"
+        raise JobErrors([Problem(origin, key, what)])
+    return folder

@@ -1,0 +1,70 @@
+"""What is wrong with a job, one line for each mistake: `file:line: key: what; did you mean 'x'?`"""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from weft.files.errors import InputError
+
+from .toml_source import KeyPath, Origin, dotted
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake and where it stands."""
+
+    origin: Origin | None
+    key: KeyPath
+    what: str
+
+    def line(self) -> str:
+        parts = (place(self.origin) if self.origin else "", dotted(self.key), self.what)
+        return ": ".join(part for part in parts if part)
+
+
+class JobErrors(InputError):
+    """All that is wrong with a job, one line each."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(dict.fromkeys(problem.line() for problem in problems)))
+
+
+def problem_from(error: InputError, origin: Origin | None = None, key: KeyPath = ()) -> Problem:
+    """An error of a file that another file names: its own line says more than the place naming it."""
+    return Problem(None if error.path else origin, () if error.path else key, shown_paths(error))
+
+
+def shown_paths(error: InputError) -> str:
+    """The message with the file's path as the user would write it here."""
+    text = str(error)
+    if error.path is not None and text.startswith(str(error.path)):
+        return shown(error.path) + text[len(str(error.path)) :]
+    return text
+
+
+def place(origin: Origin) -> str:
+    """`configs/twill.toml:14`, or the option that gave the value."""
+    if origin.path is None:
+        return origin.option
+    return f"{shown(origin.path)}:{origin.line}" if origin.line else shown(origin.path)
+
+
+def shown(path: Path) -> str:
+    """Relative to the working folder where it lies below, absolute elsewhere."""
+    absolute = os.path.abspath(path)
+    here = os.getcwd()
+    return os.path.relpath(absolute, here) if absolute.startswith(here.rstrip("/") + "/") else absolute
+
+
+def did_you_mean(found: str, known: Iterable[str], *, list_known: int = 12) -> str:
+    """`; did you mean 'x'?`, or the names there are where none is close and they are few."""
+    known = sorted(known)
+    close = difflib.get_close_matches(found, known, n=1, cutoff=0.6)
+    if close:
+        return f"; did you mean '{close[0]}'?"
+    return f"; there is: {', '.join(known)}" if 0 < len(known) <= list_known else ""
