@@ -1,0 +1,134 @@
+"""Settings of the fiber stage: one yarn type of Zhao, Luan and Bala 2016, and how it is laid along yarns."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+
+class FibersConfig(BaseModel):
+    """Plies, fibers and fly-aways of a yarn. Lengths in mm; a preset gives the first 24 values.
+
+    A positive pitch turns counterclockwise around the yarn as it advances (a right-handed helix, Z twist).
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+    preset: str | None = None
+    """Name of the table in presets/fibers/ that the values came from; the caller merges it, this stage does not."""
+
+    plies: int = Field(ge=1, le=64)
+    """Plies per yarn, K."""
+    fibers_per_ply: int = Field(ge=1, le=100_000)
+    """Fibers per ply, m, before `fiber_count_scale`."""
+    fiber_radius_mm: float = Field(gt=0)
+    """Radius a of one fiber; not among the fitted values, and never scaled."""
+    ply_pitch_mm: float
+    """Length of yarn in which the plies turn once around each other, alpha_ply; 0 for no twist."""
+    fiber_pitch_mm: float
+    """Length of yarn in which the fibers turn once around their ply, alpha; 0 for no twist."""
+    ply_center_radius_mm: float = Field(ge=0)
+    """Distance of the ply centers from the yarn's center, R_ply (half of the fitted files' `yarn_radius`)."""
+    ellipse_long_mm: float = Field(gt=0)
+    """Half axis of a ply's cross-section along the circle of ply centers, e_X."""
+    ellipse_short_mm: float = Field(gt=0)
+    """Half axis of a ply's cross-section toward the yarn's center, e_Y."""
+    cross_section_epsilon: float = Field(ge=0, le=1)
+    """Uniform part of the cross-section density, epsilon (equation 1)."""
+    cross_section_beta: float = Field(ge=0)
+    """How strongly the fibers gather in the middle of the ply, beta (equation 1)."""
+    migration_per_turn: float = Field(ge=0)
+    """Migration periods per turn of the fiber, s (equation 3); the period is fiber pitch / s."""
+    migration_min: float = Field(ge=0, le=1)
+    """Smallest radius of a migrating fiber as a part of its own, R_min."""
+    migration_max: float = Field(default=1.0, ge=0)
+    """Largest radius of a migrating fiber as a part of its own, R_max."""
+
+    hair_density_per_mm: float = Field(ge=0)
+    """Hair fly-aways per mm of ply, rho_hair."""
+    hair_z_span_mm: float
+    """Mean extent of a hair along the yarn, z_span (equation 11)."""
+    hair_z_span_sd_mm: float = Field(ge=0)
+    """Its standard deviation as stored; see `flyaway_sd_factor`."""
+    hair_radius_mm: float
+    """Mean distance from the ply center at which a hair begins, R_min (equation 11)."""
+    hair_radius_sd_mm: float = Field(ge=0)
+    """Its standard deviation as stored."""
+    hair_radius_span_mm: float
+    """Mean growth of that distance over the hair, R_span (equation 11)."""
+    hair_radius_span_sd_mm: float = Field(ge=0)
+    """Its standard deviation as stored."""
+    hair_angle_span_deg: float
+    """Mean angle around the ply that a hair covers, theta_span (equation 11)."""
+    hair_angle_span_sd_deg: float = Field(ge=0)
+    """Its standard deviation as stored."""
+    loop_density_per_mm: float = Field(ge=0)
+    """Loop fly-aways per mm of ply, rho_loop."""
+    loop_radius_mm: float = Field(ge=0)
+    """Mean distance of a loop's peak from the ply center, R_loop."""
+    loop_radius_sd_mm: float = Field(ge=0)
+    """Its standard deviation as stored."""
+    flyaway_sd_factor: float = Field(default=0.5, ge=0)
+    """Standard deviation over the stored one, for all fly-away values: the fitted files store twice the normal's."""
+    hair_root_inside: bool = True
+    """Hairs that would begin outside their ply begin on its border, so that none floats free."""
+
+    scale: Literal["as_fitted", "fit_radius"] = "fit_radius"
+    """as_fitted: the preset's own size, whatever the yarn's radius. fit_radius: scaled until plies touch it."""
+    fiber_count_scale: float | None = Field(default=None, gt=0, le=10_000)
+    """Factor on `fibers_per_ply`. Default: 1 as fitted; with fit_radius the factor that keeps the packing."""
+    ply_separation: Literal["as_fitted", "apart"] | None = None
+    """apart: slimmer plies set side by side, each touching the yarn's radius. Default: apart with fit_radius."""
+    apart_ellipse_scale: float = Field(default=0.82, gt=0, le=1)
+    """Factor on both half axes of the plies when they are set apart."""
+    apart_ply_pitch_scale: float = Field(default=0.7, gt=0)
+    """Factor on the ply pitch when plies are set apart."""
+    fuzz: float = Field(default=1.0, ge=0)
+    """Factor on the number of fly-aways of both kinds; 2 to 4 reads as knitting wool."""
+    fuzz_length: float = Field(default=1.0, ge=0)
+    """Factor on the length of hairs: their extent along the yarn and away from the ply."""
+    perturbation: float = Field(default=0.0, ge=0, lt=1)
+    """Largest random change of a fiber's radius, as a part of it; 0.125 in the original tool, 0 is none."""
+    perturbation_length_mm: float = Field(default=0.5, gt=0)
+    """Length over which that random change varies, in mm of yarn."""
+
+    segment_mm: float | None = Field(default=None, gt=0)
+    """Longest fiber segment, measured along the yarn. Default: from `sagitta_in_fiber_radii`."""
+    sagitta_in_fiber_radii: float = Field(default=0.25, gt=0)
+    """Largest distance of a typical fiber from its segments, in fiber radii, when `segment_mm` is not given."""
+    stretch_segments: int = Field(default=24, ge=1, le=256)
+    """Segments per stretch, the piece of yarn that is made at a time."""
+    hair_segments: int = Field(default=8, ge=1, le=256)
+    """Segments per hair."""
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    """Everything random is a function of this, the yarn, the fiber and the event."""
+
+    by_type: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    """Other values for some yarn types, by the type's name: `[fibers.by_type.weft]`, keys as in this table."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _needs_values_or_a_preset(cls, values: Any) -> Any:
+        """One clear line where a preset was forgotten, in place of one for each of its values."""
+        if isinstance(values, dict) and "plies" not in values and "fibers_per_ply" not in values:
+            raise ValueError(
+                "a yarn needs its measurements; set 'preset' to one of the fiber presets, such as \"cotton2\""
+            )
+        return values
+
+    @model_validator(mode="after")
+    def _types_are_valid(self) -> FibersConfig:
+        for name in self.by_type:
+            self.for_type(name)
+        return self
+
+    def for_type(self, name: str) -> FibersConfig:
+        """The settings of one yarn type: these, with that type's own values on top."""
+        own = self.by_type.get(name)
+        if own is None:
+            return self
+        shared = sorted({"seed", "stretch_segments", "hair_segments", "by_type"} & set(own))
+        if shared:
+            raise ValueError(f"by_type.{name}: {', '.join(shared)} must be the same for all yarn types")
+        return FibersConfig(**{**self.model_dump(exclude={"by_type"}), **own})

@@ -1,0 +1,509 @@
+"""Every point of every fiber as a Warp function: Zhao, Luan and Bala 2016 along yarns, on CPU and GPU alike.
+
+The equations are in cross_section.py, migration.py, plies.py and flyaways.py; `FiberTables` holds what depends on the
+yarn, the node or the fiber alone, so that a point of a body fiber costs no trigonometry. A node is a point of the
+yarn where segments meet. All lengths in mm; "part" is a distance in the ply's unit disc.
+
+For kernels elsewhere: `strand_segment_count` and `strand_point`. Where many points of one strand are wanted, open it
+once: `strand = open_strand(tables, stretch, index)`, then `open_strand_point(tables, strand, k)`; the same bits.
+"""
+
+# mypy: ignore-errors
+# Warp reads the annotations, and some of them are calls.
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from . import counter_random
+
+wp.set_module_options({"enable_backward": False})
+
+REDRAWS = wp.constant(counter_random.REDRAWS)
+PURPOSE_LOOP = wp.constant(wp.uint32(counter_random.PURPOSE_LOOP))
+PURPOSE_HAIR_PLACE = wp.constant(wp.uint32(counter_random.PURPOSE_HAIR_PLACE))
+PURPOSE_HAIR_SHAPE = wp.constant(wp.uint32(counter_random.PURPOSE_HAIR_SHAPE))
+PURPOSE_PERTURBATION = wp.constant(wp.uint32(counter_random.PURPOSE_PERTURBATION))
+TWO_PI = wp.constant(wp.float32(6.283185307179586))
+BEND_FREE = wp.constant(wp.float32(0.8))
+"""Curvature times offset up to which an offset toward the center of curvature is left alone."""
+BEND_ROOM = wp.constant(wp.float32(0.15))
+"""What is left above that: offsets are squeezed into it, so curvature times offset stays below 0.95."""
+
+
+@wp.struct
+class YarnNode:
+    """One node of a yarn: where it is, how it is turned, and the phases there as (cosine, sine)."""
+
+    position: wp.vec3
+    normal: wp.vec3
+    binormal: wp.vec3
+    bend: wp.vec3
+    """Derivative of the tangent by arc length [1/mm]: points to the center of curvature."""
+    ply: wp.vec2
+    """Angle of ply 0."""
+    twist: wp.vec2
+    """Angle of the fiber twist within a ply."""
+    migration: wp.vec2
+    """Phase of a migration that begins at 0."""
+
+
+@wp.struct
+class YarnParameters:
+    """What is one value for a whole yarn."""
+
+    first_node: wp.int32
+    intervals: wp.int32
+    closed: wp.int32
+    first_fiber: wp.int32
+    plies: wp.int32
+    fibers_per_ply: wp.int32
+    step: wp.float32
+    """Length of yarn per segment."""
+    center_radius: wp.float32
+    ellipse_short: wp.float32
+    ellipse_long: wp.float32
+    migration_low: wp.float32
+    migration_high: wp.float32
+    migration_turns: wp.float64
+    """Migration periods in the whole yarn."""
+    loops: wp.int32
+    """Whether there are loops at all."""
+    loop_threshold: wp.uint32
+    loop_radius: wp.vec2
+    """Mean and standard deviation; likewise below."""
+    hair_radius: wp.vec2
+    hair_radius_span: wp.vec2
+    hair_angle_span: wp.vec2
+    hair_z_span: wp.vec2
+    hair_root_limit: wp.float32
+    perturbation: wp.float32
+    perturbation_cells: wp.int32
+    """Lattice cells of the perturbation in the whole yarn."""
+
+
+@wp.struct
+class FiberSeat:
+    """Where one fiber sits in its ply, and where its migration begins."""
+
+    radius: wp.float32
+    angle: wp.vec2
+    migration: wp.vec2
+    migration_turns: wp.float32
+    """The same phase as `migration`, in turns."""
+
+
+@wp.struct
+class Stretch:
+    """A piece of yarn: the segments made at a time."""
+
+    yarn: wp.int32
+    number: wp.int32
+    """Which stretch of its yarn."""
+    first: wp.int32
+    """Its first node, counted from the yarn's."""
+    segments: wp.int32
+    hairs: wp.int32
+
+
+@wp.struct
+class FiberTables:
+    """All that the fibers are a function of, on one device."""
+
+    seed: wp.uint32
+    hair_segments: wp.int32
+    nodes: wp.array(dtype=YarnNode)
+    yarns: wp.array(dtype=YarnParameters)
+    seats: wp.array(dtype=FiberSeat)
+    stretches: wp.array(dtype=Stretch)
+
+
+@wp.struct
+class Strand:
+    """One strand within a stretch, ready to give points. Hairs use the second half."""
+
+    is_hair: wp.int32
+    yarn: wp.int32
+    fiber: wp.int32
+    first: wp.int32
+    segments: wp.int32
+    ply: wp.vec2
+    """Angle of its ply against ply 0."""
+    seat: FiberSeat
+    start: wp.float32
+    """Where a hair begins, in segments from the yarn's node `first`."""
+    run: wp.float32
+    """How far it goes along the yarn, in segments."""
+    extent: wp.float32
+    """Part of it that lies on the yarn: less than 1 where an open yarn ends."""
+    angle: wp.float32
+    angle_span: wp.float32
+    radius: wp.float32
+    radius_span: wp.float32
+
+
+@wp.func
+def pcg4d_mix(v: wp.vec4ui) -> wp.vec4ui:
+    a = v[0] + v[1] * v[3]
+    b = v[1] + v[2] * a
+    c = v[2] + a * b
+    d = v[3] + b * c
+    return wp.vec4ui(a, b, c, d)
+
+
+@wp.func
+def pcg4d(x: wp.uint32, y: wp.uint32, z: wp.uint32, w: wp.uint32) -> wp.vec4ui:
+    """Jarzynski and Olano 2020. Twin: `counter_random.pcg4d`."""
+    multiplier = wp.uint32(1664525)
+    increment = wp.uint32(1013904223)
+    shift = wp.uint32(16)
+    v = pcg4d_mix(
+        wp.vec4ui(
+            x * multiplier + increment,
+            y * multiplier + increment,
+            z * multiplier + increment,
+            w * multiplier + increment,
+        )
+    )
+    return pcg4d_mix(
+        wp.vec4ui(
+            v[0] ^ (v[0] >> shift), v[1] ^ (v[1] >> shift), v[2] ^ (v[2] >> shift), v[3] ^ (v[3] >> shift)
+        )
+    )
+
+
+@wp.func
+def uniform(word: wp.uint32) -> wp.float32:
+    return (wp.float32(word >> wp.uint32(9)) + 0.5) * 1.1920928955078125e-07
+
+
+@wp.func
+def normal_pair(word_radius: wp.uint32, word_angle: wp.uint32) -> wp.vec2:
+    radius = wp.sqrt(-2.0 * wp.log(uniform(word_radius)))
+    angle = TWO_PI * uniform(word_angle)
+    return wp.vec2(radius * wp.cos(angle), radius * wp.sin(angle))
+
+
+@wp.func
+def turn(phase: wp.vec2, by: wp.vec2) -> wp.vec2:
+    """Cosine and sine of the sum of two angles given by theirs."""
+    return wp.vec2(phase[0] * by[0] - phase[1] * by[1], phase[1] * by[0] + phase[0] * by[1])
+
+
+@wp.func
+def loop_peak(
+    seed: wp.uint32, yarn: wp.int32, fiber: wp.int32, period: wp.int32, own: wp.float32, radius: wp.vec2
+) -> wp.float32:
+    """R_loop, a normal drawn until it is above the fiber's own peak. Twin: `flyaways.loop_peak`."""
+    for draw in range(1, REDRAWS + 1):
+        word = pcg4d(
+            seed + PURPOSE_LOOP + wp.uint32(draw), wp.uint32(yarn), wp.uint32(fiber), wp.uint32(period)
+        )
+        normal = normal_pair(word[1], word[2])
+        drawn = radius[0] + radius[1] * normal[0]
+        if drawn > own:
+            return drawn
+    return own
+
+
+@wp.func
+def migration_peak(
+    seed: wp.uint32,
+    yarn: YarnParameters,
+    yarn_index: wp.int32,
+    fiber: wp.int32,
+    seat: FiberSeat,
+    node: wp.int32,
+) -> wp.float32:
+    """Largest radius in the migration period around a node: the fiber's own, or that of a loop."""
+    own = yarn.migration_high * seat.radius
+    if yarn.loops == 0:
+        return own
+    turns = wp.float64(node) * (yarn.migration_turns / wp.float64(yarn.intervals)) + wp.float64(
+        seat.migration_turns
+    )
+    period = wp.int32(wp.floor(turns + wp.float64(0.5)))
+    if yarn.closed != 0:
+        period = period % wp.max(wp.int32(yarn.migration_turns), 1)
+    word = pcg4d(seed + PURPOSE_LOOP, wp.uint32(yarn_index), wp.uint32(fiber), wp.uint32(period))
+    if word[0] > yarn.loop_threshold:
+        return own
+    return loop_peak(seed, yarn_index, fiber, period, own, yarn.loop_radius)
+
+
+@wp.func
+def lattice_value(seed: wp.uint32, yarn: wp.int32, fiber: wp.int32, cell: wp.int32) -> wp.float32:
+    """Uniform in (-1, 1) at a lattice point of the perturbation."""
+    word = pcg4d(seed + PURPOSE_PERTURBATION, wp.uint32(yarn), wp.uint32(fiber), wp.uint32(cell))
+    return 2.0 * uniform(word[0]) - 1.0
+
+
+@wp.func
+def perturbation_factor(
+    seed: wp.uint32, yarn: YarnParameters, yarn_index: wp.int32, fiber: wp.int32, node: wp.int32
+) -> wp.float32:
+    """1 plus smooth noise: lattice values joined by the cubic 3 t^2 - 2 t^3."""
+    place = wp.float64(node) * (wp.float64(yarn.perturbation_cells) / wp.float64(yarn.intervals))
+    cell = wp.int32(wp.floor(place))
+    t = wp.float32(place - wp.float64(cell))
+    after = cell + 1
+    if yarn.closed != 0:
+        after = after % yarn.perturbation_cells
+    low = lattice_value(seed, yarn_index, fiber, cell)
+    high = lattice_value(seed, yarn_index, fiber, after)
+    return 1.0 + yarn.perturbation * (low + (high - low) * t * t * (3.0 - 2.0 * t))
+
+
+@wp.func
+def keep_from_folding(offset: wp.vec3, bend: wp.vec3) -> wp.vec3:
+    """Squeeze an offset that nears the center of curvature, where the fibers of a tight bend would fold over.
+
+    Smooth and one to one: curvature times offset d becomes 0.8 + 0.15 (1 - exp(-(d - 0.8) / 0.15)) above 0.8.
+    """
+    reach = wp.dot(bend, offset)
+    if reach <= BEND_FREE:
+        return offset
+    kept = BEND_FREE + BEND_ROOM * (1.0 - wp.exp((BEND_FREE - reach) / BEND_ROOM))
+    return offset - bend * ((reach - kept) / wp.dot(bend, bend))
+
+
+@wp.func
+def place_in_ply(part: wp.vec2, ply: wp.vec2, yarn: YarnParameters, node: YarnNode) -> wp.vec3:
+    """World position of a point of the ply's unit disc. Twin: `plies.place_in_ply`."""
+    outward = yarn.center_radius + yarn.ellipse_short * part[0]
+    sideways = yarn.ellipse_long * part[1]
+    offset = node.normal * (ply[0] * outward - ply[1] * sideways) + node.binormal * (
+        ply[1] * outward + ply[0] * sideways
+    )
+    return node.position + keep_from_folding(offset, node.bend)
+
+
+@wp.func
+def body_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
+    """Node `k` of a body fiber, loops included."""
+    yarn = tables.yarns[strand.yarn]
+    index = strand.first + k
+    if yarn.closed != 0 and index == yarn.intervals:
+        index = wp.int32(0)
+    node = tables.nodes[yarn.first_node + index]
+    low = yarn.migration_low * strand.seat.radius
+    peak = migration_peak(tables.seed, yarn, strand.yarn, strand.fiber, strand.seat, index)
+    migration = turn(node.migration, strand.seat.migration)
+    radius = low + 0.5 * (peak - low) * (migration[0] + 1.0)
+    if yarn.perturbation > 0.0:
+        radius = radius * perturbation_factor(tables.seed, yarn, strand.yarn, strand.fiber, index)
+    return place_in_ply(turn(node.twist, strand.seat.angle) * radius, turn(node.ply, strand.ply), yarn, node)
+
+
+@wp.func
+def blend_nodes(a: YarnNode, b: YarnNode, t: wp.float32) -> YarnNode:
+    """The yarn between two nodes, linear in all that hairs use."""
+    node = YarnNode()
+    node.position = wp.lerp(a.position, b.position, t)
+    node.normal = wp.lerp(a.normal, b.normal, t)
+    node.binormal = wp.lerp(a.binormal, b.binormal, t)
+    node.bend = wp.lerp(a.bend, b.bend, t)
+    node.ply = wp.lerp(a.ply, b.ply, t)
+    return node
+
+
+@wp.func
+def hair_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
+    """Point `k` of a hair (equation 11)."""
+    yarn = tables.yarns[strand.yarn]
+    t = strand.extent * wp.float32(k) / wp.float32(strand.segments)
+    along = strand.start + strand.run * t
+    whole = wp.floor(along)
+    index = strand.first + wp.int32(whole)
+    if yarn.closed != 0:
+        index = index % yarn.intervals
+        if index < 0:
+            index = index + yarn.intervals
+    else:
+        index = wp.clamp(index, 0, yarn.intervals - 1)
+        whole = wp.float32(index - strand.first)
+    first = yarn.first_node + index
+    node = blend_nodes(tables.nodes[first], tables.nodes[first + 1], along - whole)
+    angle = strand.angle + strand.angle_span * t
+    radius = strand.radius + strand.radius_span * t
+    part = wp.vec2(wp.cos(angle), wp.sin(angle)) * radius
+    return place_in_ply(part, turn(node.ply, strand.ply), yarn, node)
+
+
+@wp.func
+def open_hair(tables: FiberTables, stretch: Stretch, hair: wp.int32) -> Strand:
+    """Draw the shape of a hair. Twin: `flyaways.sample_hairs`."""
+    yarn = tables.yarns[stretch.yarn]
+    y = wp.uint32(stretch.yarn)
+    z = wp.uint32(stretch.number)
+    w = wp.uint32(hair)
+    place = pcg4d(tables.seed + PURPOSE_HAIR_PLACE, y, z, w)
+    spans = pcg4d(tables.seed + PURPOSE_HAIR_SHAPE, y, z, w)
+    span_normal = normal_pair(spans[0], spans[1])
+    radius = wp.float32(-1.0)
+    radius_span = wp.float32(-1.0)
+    for draw in range(1, REDRAWS + 1):
+        if radius < 0.0 or radius_span <= 0.0:
+            word = pcg4d(tables.seed + PURPOSE_HAIR_SHAPE + wp.uint32(draw), y, z, w)
+            normal = normal_pair(word[0], word[1])
+            if radius < 0.0:
+                radius = yarn.hair_radius[0] + yarn.hair_radius[1] * normal[0]
+            if radius_span <= 0.0:
+                radius_span = yarn.hair_radius_span[0] + yarn.hair_radius_span[1] * normal[1]
+    strand = Strand()
+    strand.is_hair = 1
+    strand.yarn = stretch.yarn
+    strand.first = stretch.first
+    strand.segments = tables.hair_segments
+    ply = wp.min(wp.int32(uniform(place[2]) * wp.float32(yarn.plies)), yarn.plies - 1)
+    strand.fiber = ply * yarn.fibers_per_ply
+    ply_angle = TWO_PI * wp.float32(ply) / wp.float32(yarn.plies)
+    strand.ply = wp.vec2(wp.cos(ply_angle), wp.sin(ply_angle))
+    strand.start = uniform(place[0]) * wp.float32(stretch.segments)
+    strand.run = (yarn.hair_z_span[0] + yarn.hair_z_span[1] * span_normal[1]) / yarn.step
+    strand.extent = hair_extent(strand.start, strand.run, stretch.first, yarn)
+    strand.angle = TWO_PI * uniform(place[1])
+    strand.angle_span = yarn.hair_angle_span[0] + yarn.hair_angle_span[1] * span_normal[0]
+    strand.radius = wp.min(wp.max(radius, 0.0), yarn.hair_root_limit)
+    strand.radius_span = wp.max(radius_span, 0.0)
+    return strand
+
+
+@wp.func
+def hair_extent(start: wp.float32, run: wp.float32, first: wp.int32, yarn: YarnParameters) -> wp.float32:
+    """Part of a hair that lies on the yarn: hairs are cropped where an open yarn ends."""
+    end = start + run
+    low = wp.float32(-first)
+    high = wp.float32(yarn.intervals - first)
+    if yarn.closed != 0 or (end >= low and end <= high):
+        return wp.float32(1.0)
+    if end < low:
+        return (low - start) / run
+    return (high - start) / run
+
+
+@wp.func
+def open_strand(tables: FiberTables, stretch_index: wp.int32, strand_index: wp.int32) -> Strand:
+    """Prepare one strand of a stretch: body fibers come first, then the hairs that begin in it."""
+    stretch = tables.stretches[stretch_index]
+    yarn = tables.yarns[stretch.yarn]
+    body = yarn.plies * yarn.fibers_per_ply
+    if strand_index >= body:
+        return open_hair(tables, stretch, strand_index - body)
+    strand = Strand()
+    strand.is_hair = 0
+    strand.yarn = stretch.yarn
+    strand.fiber = strand_index
+    strand.first = stretch.first
+    strand.segments = stretch.segments
+    angle = TWO_PI * wp.float32(strand_index // yarn.fibers_per_ply) / wp.float32(yarn.plies)
+    strand.ply = wp.vec2(wp.cos(angle), wp.sin(angle))
+    strand.seat = tables.seats[yarn.first_fiber + strand_index]
+    return strand
+
+
+@wp.func
+def open_strand_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
+    """Point `k` of an opened strand [mm], k in 0..strand.segments."""
+    if strand.is_hair != 0:
+        return hair_point(tables, strand, k)
+    return body_point(tables, strand, k)
+
+
+@wp.func
+def strand_count(tables: FiberTables, stretch: wp.int32) -> wp.int32:
+    """Strands of a stretch: its body fibers, then its hairs."""
+    piece = tables.stretches[stretch]
+    yarn = tables.yarns[piece.yarn]
+    return yarn.plies * yarn.fibers_per_ply + piece.hairs
+
+
+@wp.func
+def strand_segment_count(tables: FiberTables, stretch: wp.int32, strand: wp.int32) -> wp.int32:
+    """Segments of one strand of a stretch."""
+    piece = tables.stretches[stretch]
+    yarn = tables.yarns[piece.yarn]
+    if strand < yarn.plies * yarn.fibers_per_ply:
+        return piece.segments
+    return tables.hair_segments
+
+
+@wp.func
+def strand_point(tables: FiberTables, stretch: wp.int32, strand: wp.int32, k: wp.int32) -> wp.vec3:
+    """Point `k` of one strand of a stretch [mm], k in 0..strand_segment_count.
+
+    The last point of a body fiber in a stretch equals its first in the next one, bit for bit.
+    """
+    return open_strand_point(tables, open_strand(tables, stretch, strand), k)
+
+
+@wp.kernel
+def points_kernel(
+    tables: FiberTables,
+    stretches: wp.array(dtype=wp.int32),
+    offsets: wp.array(dtype=wp.int64),
+    points: wp.array(dtype=wp.vec3),
+):
+    """All strands of chosen stretches, one after the other: stretch i writes from point offsets[i] on."""
+    i = wp.tid()
+    stretch = stretches[i]
+    place = offsets[i]
+    for s in range(strand_count(tables, stretch)):
+        strand = open_strand(tables, stretch, s)
+        for k in range(strand.segments + 1):
+            points[place] = open_strand_point(tables, strand, k)
+            place += wp.int64(1)
+
+
+@wp.kernel
+def length_kernel(tables: FiberTables, length: wp.array(dtype=wp.float64, ndim=2)):
+    """Length of the body fibers and of the hairs of each stretch [mm], shape [stretch_count, 2]."""
+    stretch = wp.tid()
+    body = wp.float64(0.0)
+    hairs = wp.float64(0.0)
+    for s in range(strand_count(tables, stretch)):
+        strand = open_strand(tables, stretch, s)
+        before = open_strand_point(tables, strand, 0)
+        for k in range(1, strand.segments + 1):
+            point = open_strand_point(tables, strand, k)
+            step = wp.vec3d(point) - wp.vec3d(before)
+            if strand.is_hair != 0:
+                hairs += wp.length(step)
+            else:
+                body += wp.length(step)
+            before = point
+    length[stretch, 0] = body
+    length[stretch, 1] = hairs
+
+
+@wp.kernel
+def hair_bounds_kernel(tables: FiberTables, bounds: wp.array(dtype=wp.vec3, ndim=2)):
+    """Grow the box of each stretch, shape [stretch_count, 2], by the hairs that begin in it."""
+    stretch = wp.tid()
+    piece = tables.stretches[stretch]
+    low = bounds[stretch, 0]
+    high = bounds[stretch, 1]
+    for h in range(piece.hairs):
+        strand = open_hair(tables, piece, h)
+        for k in range(strand.segments + 1):
+            point = hair_point(tables, strand, k)
+            low = wp.min(low, point)
+            high = wp.max(high, point)
+    bounds[stretch, 0] = low
+    bounds[stretch, 1] = high
+
+
+RECORDS = {"nodes": YarnNode, "yarns": YarnParameters, "seats": FiberSeat, "stretches": Stretch}
+
+
+def to_device(seed: int, hair_segments: int, device: str, **arrays: Any) -> FiberTables:
+    """`FiberTables` on a device from numpy arrays of the structs' types; on the CPU they are not copied."""
+    tables = FiberTables()
+    tables.seed = seed
+    tables.hair_segments = hair_segments
+    for name, struct in RECORDS.items():
+        copy = not wp.get_device(device).is_cpu
+        setattr(tables, name, wp.array(arrays[name], dtype=struct, device=device, copy=copy))
+    return tables

@@ -1,0 +1,156 @@
+"""What can be said before any fiber is made: what to refuse, what to warn of, how fine the segments must be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+
+from weft.files.errors import InputError
+
+from .config import FibersConfig
+from .fiber_arrays import YarnPlan
+from .plies import fitted_outer_radius, scaled_plies
+from .yarns.yarns import YarnSet
+
+NODE_LIMIT = 2**28
+"""Nodes of all yarns together, 72 bytes each and as much again while they are made."""
+SEAT_LIMIT = 2**28
+"""Body fibers of all yarns together, 24 bytes each."""
+STRAND_LIMIT = 2**24
+"""Strands of one stretch."""
+GOOD_RADIUS_RATIO = (0.7, 1.3)
+"""Yarn radius over the preset's own, outside of which cloth shows holes or its yarns run into each other."""
+
+
+@dataclass(frozen=True)
+class FiberReport:
+    """What a person should know about the fibers of a job."""
+
+    yarn_length_mm: float
+    node_count: int
+    segment_mm: float
+    """Longest segment, measured along the yarn."""
+    body_fiber_count: int
+    """Body fibers of all yarns."""
+    body_fiber_length_mm: float
+    """Fibers per yarn times yarn length: without twist, crimp and hairs."""
+    hair_count: int
+    folded_node_count: int
+    """Nodes where curvature times the plies' radius passes 1: offsets to the inner side were squeezed there."""
+    radius_ratio: tuple[float, float]
+    """Smallest and largest yarn radius over the outer radius of the plies as fitted."""
+    loop_demand: float
+    """Largest part of migration periods that would have to be loops; above 1 some of the loops are missing."""
+    warnings: tuple[str, ...] = ()
+
+
+def report_fibers(plans: list[YarnPlan], yarns: YarnSet, bend: np.ndarray, hair_count: int) -> FiberReport:
+    """Sum up what was planned; `bend` is the tangent's derivative at each node [1/mm], shape [node_count, 3]."""
+    lengths = np.array([plan.step * plan.intervals for plan in plans])
+    counts = np.array([plan.fiber_count for plan in plans])
+    radius = np.array([plan.plies.center_radius + plan.plies.short for plan in plans])
+    ratios = yarns.radius / np.array([fitted_outer_radius(plan.config) for plan in plans])
+    at_node = np.repeat(radius, [plan.intervals + 1 for plan in plans])
+    folded = int((np.linalg.norm(bend, axis=1) * at_node > 1.0).sum())
+    demand = max(plan.flyaways.loop_demand for plan in plans)
+    return FiberReport(
+        yarn_length_mm=float(lengths.sum()),
+        node_count=len(bend),
+        segment_mm=max(plan.step for plan in plans),
+        body_fiber_count=int(counts.sum()),
+        body_fiber_length_mm=float((lengths * counts).sum()),
+        hair_count=hair_count,
+        folded_node_count=folded,
+        radius_ratio=(float(ratios.min()), float(ratios.max())),
+        loop_demand=demand,
+        warnings=tuple(_warnings(plans, ratios, folded, demand)),
+    )
+
+
+def _warnings(plans: list[YarnPlan], ratios: np.ndarray, folded: int, demand: float) -> list[str]:
+    found = []
+    fitted = np.array([plan.config.scale == "as_fitted" for plan in plans])
+    low, high = GOOD_RADIUS_RATIO
+    off = fitted & ((ratios < low) | (ratios > high))
+    if off.any():
+        worst = ratios[off][np.argmax(np.abs(np.log(ratios[off])))]
+        found.append(
+            f"fibers: {off.sum()} of {len(plans)} yarns have {worst:.2g} times the radius of the plies as fitted; "
+            f'cloth looks right from {low} to {high}. Set fibers.scale = "fit_radius", or the yarns\' radius.'
+        )
+    if folded:
+        found.append(
+            f"fibers: at {folded} nodes the yarn bends tighter than its own radius; fibers on the inner side were "
+            "squeezed together there. Check the yarns' radius and units."
+        )
+    if demand > 1.0:
+        found.append(
+            f"fibers: {demand:.2g} loops are asked for in each migration period of a fiber, and one fits; "
+            f"{1 / demand:.0%} of the loops are made. Lower fibers.fuzz or fibers.loop_density_per_mm."
+        )
+    return found
+
+
+def segment_length(config: FibersConfig, yarn_radius: float) -> float:
+    """Longest segment along a yarn [mm] that keeps within a part of a fiber radius of the true fiber.
+
+    From the curvature of the two helices at the border of a ply, and of a yarn bent to twice its own radius:
+    the sagitta of a segment of length h is curvature h^2 / 8.
+    """
+    if config.segment_mm is not None:
+        return config.segment_mm
+    plies = scaled_plies(config, yarn_radius)
+    curvature = 0.5 / yarn_radius
+    for radius, pitch in ((plies.center_radius, plies.ply_pitch), (plies.mean_radius, plies.fiber_pitch)):
+        if pitch != 0:
+            rate = 2.0 * np.pi / pitch
+            curvature += radius * rate**2 / (1.0 + (radius * rate) ** 2)
+    return float(np.sqrt(8.0 * config.sagitta_in_fiber_radii * config.fiber_radius_mm / curvature))
+
+
+def refuse_unknown_types(config: FibersConfig, yarns: YarnSet) -> None:
+    """Values for a yarn type that the yarns do not have are a mistake."""
+    for name in config.by_type:
+        if name not in yarns.type_names:
+            near = get_close_matches(name, yarns.type_names, n=1)
+            raise InputError(
+                f"fibers.by_type.{name}: no such yarn type; the yarns have {', '.join(yarns.type_names)}",
+                hint=f"Did you mean {near[0]!r}?" if near else "",
+            )
+
+
+def refuse_empty_yarns(yarns: YarnSet) -> None:
+    """Fibers need yarns of a finite, positive radius."""
+    if len(yarns.radius) == 0:
+        raise InputError("fibers: there are no yarns to lay fibers along", hint="Check the [yarns] table.")
+    bad = np.flatnonzero(~(np.isfinite(yarns.radius) & (yarns.radius > 0)))
+    if len(bad):
+        raise InputError(f"fibers: yarn {bad[0]} has radius {yarns.radius[bad[0]]:g} mm; it must be above 0")
+
+
+def refuse_too_many_nodes(yarns: YarnSet, segment_mm: float) -> None:
+    """Before anything is allocated; the control polygon is about as long as the yarn."""
+    chords = np.linalg.norm(np.diff(yarns.points, axis=0), axis=1)
+    chords[yarns.offsets[1:-1] - 1] = 0.0  # from one yarn's end to the next one's beginning
+    nodes = float(chords.sum()) / segment_mm
+    if not nodes <= NODE_LIMIT:
+        raise InputError(
+            f"fibers: segments of {segment_mm:.3g} mm cut the yarns into {nodes:.3g} pieces; "
+            f"at most {NODE_LIMIT} are possible",
+            hint="Raise fibers.segment_mm, or check the unit of the yarns.",
+        )
+
+
+def refuse_too_many_fibers(plans: list[YarnPlan]) -> None:
+    """Before anything is allocated per fiber."""
+    fibers = sum(plan.fiber_count for plan in plans)
+    most = max(plan.fiber_count for plan in plans)
+    hairs = max(plan.flyaways.hair_density * plan.step * plan.config.stretch_segments for plan in plans)
+    if fibers > SEAT_LIMIT or most > STRAND_LIMIT or hairs > STRAND_LIMIT:
+        raise InputError(
+            f"fibers: {fibers:.3g} fibers in all, up to {most:.3g} in one yarn and {hairs:.3g} hairs in one stretch; "
+            f"at most {SEAT_LIMIT}, {STRAND_LIMIT} and {STRAND_LIMIT} are possible",
+            hint="Lower fibers.fiber_count_scale, fibers.fibers_per_ply or fibers.fuzz.",
+        )

@@ -1,0 +1,177 @@
+"""Fibers as a function: plies, fibers and fly-aways along yarns, made stretch by stretch wherever they are needed.
+
+After Zhao, Luan and Bala 2016, laid along rotation-minimizing frames by arc length. A garment's fibers are never
+stored; a `FiberSet` holds the yarns' nodes and a few numbers per fiber, from which every point follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .config import FibersConfig
+from .counter_random import seed_key
+from .fiber_arrays import build_nodes, build_seats, build_stretches, build_yarns, plan_yarn, yarn_configs
+from .fiber_report import (
+    FiberReport,
+    refuse_empty_yarns,
+    refuse_too_many_fibers,
+    refuse_too_many_nodes,
+    refuse_unknown_types,
+    report_fibers,
+    segment_length,
+)
+from .yarns.frames import build_frames
+from .yarns.yarns import YarnSet
+
+if TYPE_CHECKING:
+    from .fiber_kernels import FiberTables
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class FiberSet:
+    """Every fiber of a set of yarns, as a function of (stretch, strand, k).
+
+    A stretch is a piece of one yarn, `stretch_segments` segments long. Its strands are first the body fibers (loops
+    are periods of theirs), ply after ply, then the hairs that begin in it. Points come from Warp functions in
+    `fiber_kernels`, given `tables(device)`.
+    """
+
+    config: FibersConfig
+    type_names: tuple[str, ...]
+    fiber_radius_mm: tuple[float, ...]
+    """Radius of the fibers of each yarn type."""
+    yarn_type: np.ndarray
+    """Type of each yarn, int32, shape [yarn_count]."""
+    yarn_reach_mm: np.ndarray
+    """No body fiber goes farther from its yarn's center than this, float64, shape [yarn_count]."""
+    report: FiberReport
+    nodes: np.ndarray
+    """`fiber_kernels.YarnNode` records, all yarns."""
+    yarns: np.ndarray
+    """`fiber_kernels.YarnParameters` records."""
+    seats: np.ndarray
+    """`fiber_kernels.FiberSeat` records, all body fibers."""
+    stretches: np.ndarray
+    """`fiber_kernels.Stretch` records."""
+
+    @property
+    def stretch_count(self) -> int:
+        """Stretches of all yarns."""
+        return len(self.stretches)
+
+    def stretch_type(self) -> np.ndarray:
+        """Yarn type of each stretch, int32, shape [stretch_count]."""
+        return self.yarn_type[self.stretches["yarn"]].astype(np.int32)
+
+    def stretch_strand_counts(self) -> np.ndarray:
+        """Strands of each stretch, body fibers and hairs, int32, shape [stretch_count]."""
+        body = self.yarns["plies"] * self.yarns["fibers_per_ply"]
+        return (body[self.stretches["yarn"]] + self.stretches["hairs"]).astype(np.int32)
+
+    def stretch_point_counts(self) -> np.ndarray:
+        """Points of all strands of each stretch, int64, shape [stretch_count]."""
+        hairs = self.stretches["hairs"].astype(np.int64)
+        body = self.stretch_strand_counts() - hairs
+        return body * (self.stretches["segments"] + 1) + hairs * (self.config.hair_segments + 1)
+
+    def stretch_bounds(self, device: str = "cpu") -> np.ndarray:
+        """Box around all strands of each stretch [mm], float32, shape [stretch_count, 2, 3].
+
+        Hairs are bounded exactly, body fibers by the largest reach that a loop can have.
+        """
+        bounds = self._body_bounds()
+        if self.stretches["hairs"].any():
+            import warp as wp
+
+            from .fiber_kernels import hair_bounds_kernel
+
+            grown = wp.array(bounds, dtype=wp.vec3, device=device)
+            wp.launch(
+                hair_bounds_kernel, self.stretch_count, inputs=[self.tables(device), grown], device=device
+            )
+            bounds = grown.numpy()
+        margin = 4 * np.spacing(np.abs(bounds).max(initial=1.0).astype(np.float32))
+        return bounds + np.array([[-margin], [margin]], dtype=np.float32)
+
+    def _body_bounds(self) -> np.ndarray:
+        """Box around the body fibers of each stretch: around its nodes, grown by the yarn's reach."""
+        first = self.yarns["first_node"][self.stretches["yarn"]] + self.stretches["first"]
+        after = first + self.stretches["segments"] + 1
+        pairs = np.stack([first, after], axis=1).ravel()
+        position = np.concatenate([self.nodes["position"], self.nodes["position"][-1:]])
+        reach = self.yarn_reach_mm[self.stretches["yarn"]][:, None]
+        low = np.minimum.reduceat(position, pairs, axis=0)[::2] - reach
+        high = np.maximum.reduceat(position, pairs, axis=0)[::2] + reach
+        return np.stack([low, high], axis=1).astype(np.float32)
+
+    def tables(self, device: str = "cpu") -> FiberTables:
+        """The tables that the Warp functions read, on one device."""
+        from .fiber_kernels import to_device
+
+        return to_device(
+            seed_key(self.config.seed),
+            self.config.hair_segments,
+            device,
+            nodes=self.nodes,
+            yarns=self.yarns,
+            seats=self.seats,
+            stretches=self.stretches,
+        )
+
+    def fiber_lengths_mm(self, device: str = "cpu") -> np.ndarray:
+        """Length of the body fibers and of the hairs of each stretch, float64, shape [stretch_count, 2].
+
+        The sum is the fiber length generated, which every grid made from this set must contain.
+        """
+        import warp as wp
+
+        from .fiber_kernels import length_kernel
+
+        length = wp.empty((self.stretch_count, 2), dtype=wp.float64, device=device)
+        wp.launch(length_kernel, self.stretch_count, inputs=[self.tables(device), length], device=device)
+        return length.numpy()
+
+
+def run(config: FibersConfig, yarns: YarnSet, *, progress: Progress | None = None) -> FiberSet:
+    """Lay plies, fibers and fly-aways along the yarns."""
+    refuse_empty_yarns(yarns)
+    refuse_unknown_types(config, yarns)
+    configs = yarn_configs(config, yarns)
+    segment = min(segment_length(own, radius) for own, radius in zip(configs, yarns.radius, strict=True))
+    refuse_too_many_nodes(yarns, segment)
+    frames = build_frames(yarns, max_step_mm=segment)
+    plans = [
+        plan_yarn(own, float(radius), float(length), int(intervals), closed=bool(closed))
+        for own, radius, length, intervals, closed in zip(
+            configs, yarns.radius, frames.length, frames.interval_counts, frames.closed, strict=True
+        )
+    ]
+    refuse_too_many_fibers(plans)
+    seed, records = seed_key(config.seed), _record_types()
+    nodes = build_nodes(plans, frames, seed, records["nodes"], progress)
+    stretches = build_stretches(plans, seed, records["stretches"])
+    return FiberSet(
+        config=config,
+        type_names=yarns.type_names,
+        fiber_radius_mm=tuple(config.for_type(name).fiber_radius_mm for name in yarns.type_names),
+        yarn_type=yarns.yarn_type.astype(np.int32),
+        yarn_reach_mm=np.array([plan.reach for plan in plans]),
+        report=report_fibers(plans, yarns, nodes["bend"], int(stretches["hairs"].sum())),
+        nodes=nodes,
+        yarns=build_yarns(plans, frames, records["yarns"]),
+        seats=build_seats(plans, yarns.yarn_type, seed, records["seats"]),
+        stretches=stretches,
+    )
+
+
+def _record_types() -> dict[str, np.dtype]:
+    """Numpy's view of the structs that the Warp functions read, written once in `fiber_kernels`."""
+    from .fiber_kernels import RECORDS
+
+    return {name: np.dtype(struct.numpy_dtype()) for name, struct in RECORDS.items()}
