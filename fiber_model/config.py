@@ -16,7 +16,7 @@ class FibersConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
     preset: str | None = None
-    """Name of the table in presets/fibers/ that the values came from; the caller merges it, this stage does not."""
+    """Name of the table of presets/fibers/ that the values came from; the caller merges it."""
 
     plies: int = Field(ge=1, le=64)
     """Plies per yarn, K."""
@@ -70,16 +70,16 @@ class FibersConfig(BaseModel):
     loop_radius_sd_mm: float = Field(ge=0)
     """Its standard deviation as stored."""
     flyaway_sd_factor: float = Field(default=0.5, ge=0)
-    """Standard deviation over the stored one, for all fly-away values: the fitted files store twice the normal's."""
+    """Standard deviations over the stored ones, for all fly-aways: the files store twice the normal's."""
     hair_root_inside: bool = True
     """Hairs that would begin outside their ply begin on its border, so that none floats free."""
 
     scale: Literal["as_fitted", "fit_radius"] = "fit_radius"
-    """as_fitted: the preset's own size, whatever the yarn's radius. fit_radius: scaled until plies touch it."""
+    """as_fitted: the preset's own size, whatever the yarn's radius. fit_radius: scaled to that radius."""
     fiber_count_scale: float | None = Field(default=None, gt=0, le=10_000)
     """Factor on `fibers_per_ply`. Default: 1 as fitted; with fit_radius the factor that keeps the packing."""
     ply_separation: Literal["as_fitted", "apart"] | None = None
-    """apart: slimmer plies set side by side, each touching the yarn's radius. Default: apart with fit_radius."""
+    """apart: slimmer plies side by side, each touching the yarn's radius. Default: apart with fit_radius."""
     apart_ellipse_scale: float = Field(default=0.82, gt=0, le=1)
     """Factor on both half axes of the plies when they are set apart."""
     apart_ply_pitch_scale: float = Field(default=0.7, gt=0)
@@ -96,7 +96,7 @@ class FibersConfig(BaseModel):
     segment_mm: float | None = Field(default=None, gt=0)
     """Longest fiber segment, measured along the yarn. Default: from `sagitta_in_fiber_radii`."""
     sagitta_in_fiber_radii: float = Field(default=0.25, gt=0)
-    """Largest distance of a typical fiber from its segments, in fiber radii, when `segment_mm` is not given."""
+    """Largest distance of a typical fiber from its segments, where `segment_mm` is not given."""
     stretch_segments: int = Field(default=24, ge=1, le=256)
     """Segments per stretch, the piece of yarn that is made at a time."""
     hair_segments: int = Field(default=8, ge=1, le=256)
@@ -105,7 +105,7 @@ class FibersConfig(BaseModel):
     """Everything random is a function of this, the yarn, the fiber and the event."""
 
     by_type: dict[str, dict[str, Any]] = Field(default_factory=dict)
-    """Other values for some yarn types, by the type's name: `[fibers.by_type.weft]`, keys as in this table."""
+    """Other values for some yarn types, by name: `[fibers.by_type.weft]` with keys as in this table."""
 
     @model_validator(mode="before")
     @classmethod

@@ -1,7 +1,7 @@
-"""Random numbers as a function of what they are for: pcg4d of Jarzynski and Olano 2020, no generator, no state.
+"""Random numbers as a function of what they are for: pcg4d of Jarzynski and Olano 2020, without state.
 
-"Hash functions for GPU rendering", Journal of Computer Graphics Techniques 9(3). The key is (seed and purpose, yarn,
-strand, event); each key gives four words of 32 bits. Twin in Warp: `fiber_kernels.pcg4d`.
+"Hash functions for GPU rendering", Journal of Computer Graphics Techniques 9(3). The key is (seed and
+purpose, yarn, strand, event); each key gives four words of 32 bits. Twin in Warp: `fiber_kernels.pcg4d`.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ PURPOSE_HAIR_PLACE = 0x165667B1
 PURPOSE_HAIR_SHAPE = 0xD6E8FEB8
 PURPOSE_PERTURBATION = 0x51ED270B
 
+Words = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
 REDRAWS = 16
 """Draws of a rejection sampler before it settles for the border of what it accepts."""
 
 
 def seed_key(seed: int) -> int:
-    """The user's seed, mixed: so that seeds 1 and 2 share no keys although purposes and draws are added to them."""
+    """The user's seed, mixed: seeds 1 and 2 share no keys although purposes and draws are added."""
     return int(pcg4d(seed, 0, 0, 0)[0])
 
 
-def pcg4d(
-    x: object, y: object, z: object, w: object
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def pcg4d(x: object, y: object, z: object, w: object) -> Words:
     """Four independent uint32 words for each key (x, y, z, w); keys broadcast and are taken modulo 2^32."""
     multiplier, increment = np.uint32(1664525), np.uint32(1013904223)
     a, b, c, d = (_words(key) * multiplier + increment for key in (x, y, z, w))
+    shift = np.uint32(16)
     a, b, c, d = np.broadcast_arrays(a, b, c, d)
     a, b, c, d = _mix(a, b, c, d)
-    a, b, c, d = (word ^ (word >> np.uint32(16)) for word in (a, b, c, d))
-    return _mix(a, b, c, d)
+    return _mix(a ^ (a >> shift), b ^ (b >> shift), c ^ (c >> shift), d ^ (d >> shift))
 
 
 def uniform(word: np.ndarray) -> np.ndarray:
@@ -60,7 +60,7 @@ LARGEST_NORMAL = float(np.sqrt(2.0 * 24.0 * np.log(2.0)))
 
 
 def poisson(mean: np.ndarray, x: object, y: object, z: object) -> np.ndarray:
-    """Poisson counts, int64, for each key (x, y, z), by inversion; means above 32 are sums of several counts."""
+    """Poisson counts, int64, for each key (x, y, z), by inversion; above a mean of 32, sums of several."""
     mean, x, y, z = np.broadcast_arrays(np.asarray(mean, dtype=np.float64), _words(x), _words(y), _words(z))
     parts = np.maximum(np.ceil(mean / 32.0), 1.0)
     count = np.zeros(mean.shape, dtype=np.int64)
@@ -88,7 +88,7 @@ def _words(key: object) -> np.ndarray:
     return np.asarray(np.asarray(key, dtype=np.int64) & 0xFFFFFFFF, dtype=np.uint32)
 
 
-def _mix(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, ...]:
+def _mix(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> Words:
     with np.errstate(over="ignore"):
         a = a + b * d
         b = b + c * a

@@ -1,6 +1,7 @@
 """Where the fibers lie in the cross-section of their ply: Zhao, Luan and Bala 2016, equations 1, 9 and 10.
 
-The ply's cross-section is the unit disc. The density of fibers at distance R from its center is proportional to
+The ply's cross-section is the unit disc. The density of fibers at distance R from its center is proportional
+to
 
     p(R) = (1 - 2 epsilon) ((e - e^R) / (e - 1))^beta + epsilon,
 
@@ -37,8 +38,9 @@ def sample_cross_section(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distance R_i [1] and angle theta_i [rad] of fibers, by rejection from the unit disc as in section 3.1.
 
-    A function of (seed, yarn, fiber); both indices have shape [fiber_count]. Draw k of a fiber uses event k of its
-    key. The densest point p(0) = 1 - epsilon bounds p where epsilon <= 1/2; else the border's p(1) = epsilon does.
+    A function of (seed, yarn, fiber); both indices have shape [fiber_count]. Draw k of a fiber uses event k
+    of its key. The densest point p(0) = 1 - epsilon bounds p where epsilon <= 1/2; else the border's p(1) =
+    epsilon does.
     """
     radius, angle = np.zeros(len(yarn)), np.zeros(len(yarn))
     waiting = np.arange(len(yarn))

@@ -1,4 +1,4 @@
-"""The arrays behind a `FiberSet`: what depends on one yarn, node, fiber or stretch alone, computed once in float64."""
+"""The arrays behind a `FiberSet`: what depends on one yarn, node, fiber or stretch alone."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def build_stretches(plans: list[YarnPlan], seed: int, dtype: np.dtype) -> np.nda
 
 
 def tangent_derivative(tangent: np.ndarray, step: float, *, closed: bool) -> np.ndarray:
-    """Derivative of the unit tangent by arc length [1/mm], central differences over `step` [mm], shape [n, 3]."""
+    """Derivative of the unit tangent by arc length [1/mm], by central differences, shape [n, 3]."""
     padded = (
         np.concatenate([tangent[-2:-1], tangent, tangent[1:2]])
         if closed

@@ -1,11 +1,13 @@
 """Every point of every fiber as a Warp function: Zhao, Luan and Bala 2016 along yarns, on CPU and GPU alike.
 
-The equations are in cross_section.py, migration.py, plies.py and flyaways.py; `FiberTables` holds what depends on the
-yarn, the node or the fiber alone, so that a point of a body fiber costs no trigonometry. A node is a point of the
-yarn where segments meet. All lengths in mm; "part" is a distance in the ply's unit disc.
+The equations are in cross_section.py, migration.py, plies.py and flyaways.py; `FiberTables` holds what
+depends on the yarn, the node or the fiber alone, so that a point of a body fiber costs no trigonometry. A
+node is a point of the yarn where segments meet. All lengths in mm; "part" is a distance in the ply's unit
+disc.
 
-For kernels elsewhere: `strand_segment_count` and `strand_point`. Where many points of one strand are wanted, open it
-once: `strand = open_strand(tables, stretch, index)`, then `open_strand_point(tables, strand, k)`; the same bits.
+For kernels elsewhere: `strand_segment_count` and `strand_point`. Where many points of one strand are wanted,
+open it once: `strand = open_strand(tables, stretch, index)`, then `open_strand_point(tables, strand, k)`; the
+same bits.
 """
 
 # mypy: ignore-errors
@@ -13,11 +15,10 @@ once: `strand = open_strand(tables, stretch, index)`, then `open_strand_point(ta
 
 from __future__ import annotations
 
-from typing import Any
-
 import warp as wp
 
 from . import counter_random
+from .fiber_tables import FiberSeat, FiberTables, Stretch, YarnNode, YarnParameters
 
 wp.set_module_options({"enable_backward": False})
 
@@ -31,93 +32,6 @@ BEND_FREE = wp.constant(wp.float32(0.8))
 """Curvature times offset up to which an offset toward the center of curvature is left alone."""
 BEND_ROOM = wp.constant(wp.float32(0.15))
 """What is left above that: offsets are squeezed into it, so curvature times offset stays below 0.95."""
-
-
-@wp.struct
-class YarnNode:
-    """One node of a yarn: where it is, how it is turned, and the phases there as (cosine, sine)."""
-
-    position: wp.vec3
-    normal: wp.vec3
-    binormal: wp.vec3
-    bend: wp.vec3
-    """Derivative of the tangent by arc length [1/mm]: points to the center of curvature."""
-    ply: wp.vec2
-    """Angle of ply 0."""
-    twist: wp.vec2
-    """Angle of the fiber twist within a ply."""
-    migration: wp.vec2
-    """Phase of a migration that begins at 0."""
-
-
-@wp.struct
-class YarnParameters:
-    """What is one value for a whole yarn."""
-
-    first_node: wp.int32
-    intervals: wp.int32
-    closed: wp.int32
-    first_fiber: wp.int32
-    plies: wp.int32
-    fibers_per_ply: wp.int32
-    step: wp.float32
-    """Length of yarn per segment."""
-    center_radius: wp.float32
-    ellipse_short: wp.float32
-    ellipse_long: wp.float32
-    migration_low: wp.float32
-    migration_high: wp.float32
-    migration_turns: wp.float64
-    """Migration periods in the whole yarn."""
-    loops: wp.int32
-    """Whether there are loops at all."""
-    loop_threshold: wp.uint32
-    loop_radius: wp.vec2
-    """Mean and standard deviation; likewise below."""
-    hair_radius: wp.vec2
-    hair_radius_span: wp.vec2
-    hair_angle_span: wp.vec2
-    hair_z_span: wp.vec2
-    hair_root_limit: wp.float32
-    perturbation: wp.float32
-    perturbation_cells: wp.int32
-    """Lattice cells of the perturbation in the whole yarn."""
-
-
-@wp.struct
-class FiberSeat:
-    """Where one fiber sits in its ply, and where its migration begins."""
-
-    radius: wp.float32
-    angle: wp.vec2
-    migration: wp.vec2
-    migration_turns: wp.float32
-    """The same phase as `migration`, in turns."""
-
-
-@wp.struct
-class Stretch:
-    """A piece of yarn: the segments made at a time."""
-
-    yarn: wp.int32
-    number: wp.int32
-    """Which stretch of its yarn."""
-    first: wp.int32
-    """Its first node, counted from the yarn's."""
-    segments: wp.int32
-    hairs: wp.int32
-
-
-@wp.struct
-class FiberTables:
-    """All that the fibers are a function of, on one device."""
-
-    seed: wp.uint32
-    hair_segments: wp.int32
-    nodes: wp.array(dtype=YarnNode)
-    yarns: wp.array(dtype=YarnParameters)
-    seats: wp.array(dtype=FiberSeat)
-    stretches: wp.array(dtype=Stretch)
 
 
 @wp.struct
@@ -493,17 +407,3 @@ def hair_bounds_kernel(tables: FiberTables, bounds: wp.array(dtype=wp.vec3, ndim
             high = wp.max(high, point)
     bounds[stretch, 0] = low
     bounds[stretch, 1] = high
-
-
-RECORDS = {"nodes": YarnNode, "yarns": YarnParameters, "seats": FiberSeat, "stretches": Stretch}
-
-
-def to_device(seed: int, hair_segments: int, device: str, **arrays: Any) -> FiberTables:
-    """`FiberTables` on a device from numpy arrays of the structs' types; on the CPU they are not copied."""
-    tables = FiberTables()
-    tables.seed = seed
-    tables.hair_segments = hair_segments
-    for name, struct in RECORDS.items():
-        copy = not wp.get_device(device).is_cpu
-        setattr(tables, name, wp.array(arrays[name], dtype=struct, device=device, copy=copy))
-    return tables

@@ -1,4 +1,4 @@
-"""What can be said before any fiber is made: what to refuse, what to warn of, how fine the segments must be."""
+"""What can be said before any fiber is made: what to refuse, what to warn of, how fine to cut."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 import numpy as np
-
 from weft.files.errors import InputError
 
 from .config import FibersConfig
@@ -38,16 +37,16 @@ class FiberReport:
     """Fibers per yarn times yarn length: without twist, crimp and hairs."""
     hair_count: int
     folded_node_count: int
-    """Nodes where curvature times the plies' radius passes 1: offsets to the inner side were squeezed there."""
+    """Nodes where curvature times the plies' radius passes 1: the inner fibers are squeezed."""
     radius_ratio: tuple[float, float]
     """Smallest and largest yarn radius over the outer radius of the plies as fitted."""
     loop_demand: float
-    """Largest part of migration periods that would have to be loops; above 1 some of the loops are missing."""
+    """Largest share of migration periods that would have to be loops; above 1 loops are missing."""
     warnings: tuple[str, ...] = ()
 
 
 def report_fibers(plans: list[YarnPlan], yarns: YarnSet, bend: np.ndarray, hair_count: int) -> FiberReport:
-    """Sum up what was planned; `bend` is the tangent's derivative at each node [1/mm], shape [node_count, 3]."""
+    """Sum up what was planned; `bend` is the tangent's derivative [1/mm], shape [node_count, 3]."""
     lengths = np.array([plan.step * plan.intervals for plan in plans])
     counts = np.array([plan.fiber_count for plan in plans])
     radius = np.array([plan.plies.center_radius + plan.plies.short for plan in plans])
@@ -77,13 +76,14 @@ def _warnings(plans: list[YarnPlan], ratios: np.ndarray, folded: int, demand: fl
     if off.any():
         worst = ratios[off][np.argmax(np.abs(np.log(ratios[off])))]
         found.append(
-            f"fibers: {off.sum()} of {len(plans)} yarns have {worst:.2g} times the radius of the plies as fitted; "
-            f'cloth looks right from {low} to {high}. Set fibers.scale = "fit_radius", or the yarns\' radius.'
+            f"fibers: {off.sum()} of {len(plans)} yarns have {worst:.2g} times the radius of the plies as "
+            f"fitted; cloth looks right from {low} to {high}. Set fibers.scale = 'fit_radius', or change the "
+            "yarns' radius."
         )
     if folded:
         found.append(
-            f"fibers: at {folded} nodes the yarn bends tighter than its own radius; fibers on the inner side were "
-            "squeezed together there. Check the yarns' radius and units."
+            f"fibers: at {folded} nodes the yarn bends tighter than its own radius; fibers on the inner side "
+            "were squeezed together there. Check the yarns' radius and units."
         )
     if demand > 1.0:
         found.append(
@@ -150,7 +150,7 @@ def refuse_too_many_fibers(plans: list[YarnPlan]) -> None:
     hairs = max(plan.flyaways.hair_density * plan.step * plan.config.stretch_segments for plan in plans)
     if fibers > SEAT_LIMIT or most > STRAND_LIMIT or hairs > STRAND_LIMIT:
         raise InputError(
-            f"fibers: {fibers:.3g} fibers in all, up to {most:.3g} in one yarn and {hairs:.3g} hairs in one stretch; "
-            f"at most {SEAT_LIMIT}, {STRAND_LIMIT} and {STRAND_LIMIT} are possible",
+            f"fibers: {fibers:.3g} fibers in all, up to {most:.3g} in one yarn and {hairs:.3g} hairs in one "
+            f"stretch; at most {SEAT_LIMIT}, {STRAND_LIMIT} and {STRAND_LIMIT} are possible",
             hint="Lower fibers.fiber_count_scale, fibers.fibers_per_ply or fibers.fuzz.",
         )

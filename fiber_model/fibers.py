@@ -1,7 +1,7 @@
-"""Fibers as a function: plies, fibers and fly-aways along yarns, made stretch by stretch wherever they are needed.
+"""Fibers as a function: plies, fibers and fly-aways along yarns, made stretch by stretch where needed.
 
-After Zhao, Luan and Bala 2016, laid along rotation-minimizing frames by arc length. A garment's fibers are never
-stored; a `FiberSet` holds the yarns' nodes and a few numbers per fiber, from which every point follows.
+After Zhao, Luan and Bala 2016, laid along rotation-minimizing frames by arc length. A garment's fibers are
+never stored; a `FiberSet` holds the yarns' nodes and a few numbers per fiber, from which every point follows.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .yarns.frames import build_frames
 from .yarns.yarns import YarnSet
 
 if TYPE_CHECKING:
-    from .fiber_kernels import FiberTables
+    from .fiber_tables import FiberTables
 
 Progress = Callable[[float, str], None]
 
@@ -37,9 +37,9 @@ Progress = Callable[[float, str], None]
 class FiberSet:
     """Every fiber of a set of yarns, as a function of (stretch, strand, k).
 
-    A stretch is a piece of one yarn, `stretch_segments` segments long. Its strands are first the body fibers (loops
-    are periods of theirs), ply after ply, then the hairs that begin in it. Points come from Warp functions in
-    `fiber_kernels`, given `tables(device)`.
+    A stretch is a piece of one yarn, `stretch_segments` segments long. Its strands are first the body fibers
+    (loops are periods of theirs), ply after ply, then the hairs that begin in it. Points come from Warp
+    functions in `fiber_kernels`, given `tables(device)`.
     """
 
     config: FibersConfig
@@ -52,13 +52,13 @@ class FiberSet:
     """No body fiber goes farther from its yarn's center than this, float64, shape [yarn_count]."""
     report: FiberReport
     nodes: np.ndarray
-    """`fiber_kernels.YarnNode` records, all yarns."""
+    """`fiber_tables.YarnNode` records, all yarns."""
     yarns: np.ndarray
-    """`fiber_kernels.YarnParameters` records."""
+    """`fiber_tables.YarnParameters` records."""
     seats: np.ndarray
-    """`fiber_kernels.FiberSeat` records, all body fibers."""
+    """`fiber_tables.FiberSeat` records, all body fibers."""
     stretches: np.ndarray
-    """`fiber_kernels.Stretch` records."""
+    """`fiber_tables.Stretch` records."""
 
     @property
     def stretch_count(self) -> int:
@@ -112,7 +112,7 @@ class FiberSet:
 
     def tables(self, device: str = "cpu") -> FiberTables:
         """The tables that the Warp functions read, on one device."""
-        from .fiber_kernels import to_device
+        from .fiber_tables import to_device
 
         return to_device(
             seed_key(self.config.seed),
@@ -171,7 +171,7 @@ def run(config: FibersConfig, yarns: YarnSet, *, progress: Progress | None = Non
 
 
 def _record_types() -> dict[str, np.dtype]:
-    """Numpy's view of the structs that the Warp functions read, written once in `fiber_kernels`."""
-    from .fiber_kernels import RECORDS
+    """Numpy's view of the structs that the Warp functions read, written once in `fiber_tables`."""
+    from .fiber_tables import RECORDS
 
-    return {name: np.dtype(struct.numpy_dtype()) for name, struct in RECORDS.items()}
+    return {name: np.dtype(struct.numpy_dtype())  # type: ignore[attr-defined] for name, struct in RECORDS.items()}

@@ -1,16 +1,18 @@
 """Fly-aways: loops and hairs that leave the ply. Zhao, Luan and Bala 2016, section 3.2 and equation 11.
 
-Loop: over one migration period a fiber's peak R_max R_i becomes R_loop ~ Normal, larger than its own; the period's ends
-stay in the ply. The paper picks rho_loop fibers per length; here each period of each fiber is a loop with
-probability rho_loop * period / m, which is the same density and needs to know nothing of other places.
+Loop: over one migration period a fiber's peak R_max R_i becomes R_loop ~ Normal, larger than its own; the
+period's ends stay in the ply. The paper picks rho_loop fibers per length; here each period of each fiber is a
+loop with probability rho_loop * period / m, which is the same density and needs to know nothing of other
+places.
 
-Hair: an arc of its own. With t in [0, 1] it runs through R = R_min + R_span t, theta = theta_min + theta_span t,
-z = z_min + z_span t around the ply center; R_min, R_span, theta_span, z_span are independent normals, theta_min is
-uniform, and z_min is a Poisson process of density rho_hair along each ply, drawn stretch by stretch.
+Hair: an arc of its own. With t in [0, 1] it runs through R = R_min + R_span t, theta = theta_min + theta_span
+t, z = z_min + z_span t around the ply center; R_min, R_span, theta_span, z_span are independent normals,
+theta_min is uniform, and z_min is a Poisson process of density rho_hair along each ply, drawn stretch by
+stretch.
 
-Distances are measured in sqrt(e_X e_Y), so that they refer to the unit disc before it is stretched to the ellipse.
-Truncations: R_loop above the fiber's own peak, R_min at least 0, R_span above 0, each by drawing again. Twins in
-Warp: `fiber_kernels.loop_peak`, `fiber_kernels.hair_shape`.
+Distances are measured in sqrt(e_X e_Y), so that they refer to the unit disc before it is stretched to the
+ellipse. Truncations: R_loop above the fiber's own peak, R_min at least 0, R_span above 0, each by drawing
+again. Twins in Warp: `fiber_kernels.loop_peak`, `fiber_kernels.hair_shape`.
 """
 
 from __future__ import annotations
@@ -64,8 +66,8 @@ class FlyawayShape:
 def scaled_flyaways(config: FibersConfig, plies: PlyShape, period: float) -> FlyawayShape:
     """The fly-aways of a yarn whose plies are `plies` and whose migration period is `period` [mm].
 
-    With fit_radius, distances grow with the ply and lengths along the yarn with the yarn; the number per mm of ply
-    stays as fitted, times `fuzz`.
+    With fit_radius, distances grow with the ply and lengths along the yarn with the yarn; the number per mm
+    of ply stays as fitted, times `fuzz`.
     """
     size = np.sqrt(config.ellipse_long_mm * config.ellipse_short_mm)
     sd = config.flyaway_sd_factor
@@ -85,7 +87,7 @@ def scaled_flyaways(config: FibersConfig, plies: PlyShape, period: float) -> Fly
 
 
 def probability_threshold(probability: float) -> int:
-    """A 32-bit word below this number happens with that probability; certain events need a word of their own."""
+    """A 32-bit word is at most this with that probability (0 is told apart elsewhere)."""
     return min(round(probability * 2.0**32), 2**32 - 1)
 
 
@@ -102,7 +104,7 @@ def is_loop(seed: int, yarn: int, fiber: np.ndarray, period: np.ndarray, probabi
 def loop_peak(
     seed: int, yarn: int, fiber: np.ndarray, period: np.ndarray, own: np.ndarray, radius: tuple[float, float]
 ) -> np.ndarray:
-    """R_loop of loops, float32: normals above the fibers' `own` peaks; after `REDRAWS` draws the own peak stays."""
+    """R_loop of loops, float32: normals above the fibers' `own` peaks, which stay after `REDRAWS` draws."""
     fiber, period, own = np.broadcast_arrays(fiber, period, np.asarray(own, dtype=np.float32))
     peak, waiting = own.copy(), np.ones(own.shape, bool)
     for draw in range(1, REDRAWS + 1):
@@ -116,7 +118,7 @@ def loop_peak(
 
 
 def hair_counts(seed: int, yarn: np.ndarray, stretch: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """Hairs that begin in each stretch, Poisson with that mean, a function of (seed, yarn, stretch of the yarn)."""
+    """Hairs that begin in each stretch, Poisson with that mean; a function of (seed, yarn, stretch)."""
     return poisson(mean, seed + PURPOSE_HAIR_COUNT, yarn, stretch)
 
 

@@ -1,9 +1,10 @@
 """Plies: elliptical bundles on a helix around the yarn's center. Zhao, Luan and Bala 2016, equations 2 and 4.
 
-In the ply, a fiber at radius R and angle theta lies at (R cos theta, R sin theta) of a unit disc; theta turns once per
-fiber pitch, measured against the ply. The disc is stretched to an ellipse whose short axis e_Y points to the yarn's
-center and whose long axis e_X lies along the circle of ply centers; the ellipses may intersect, which stands for
-compression. Ply p of K stands at angle 2 pi (z / ply pitch + p / K) on a circle of radius R_ply; z is arc length.
+In the ply, a fiber at radius R and angle theta lies at (R cos theta, R sin theta) of a unit disc; theta turns
+once per fiber pitch, measured against the ply. The disc is stretched to an ellipse whose short axis e_Y
+points to the yarn's center and whose long axis e_X lies along the circle of ply centers; the ellipses may
+intersect, which stands for compression. Ply p of K stands at angle 2 pi (z / ply pitch + p / K) on a circle
+of radius R_ply; z is arc length.
 """
 
 from __future__ import annotations
@@ -43,9 +44,9 @@ def fitted_outer_radius(config: FibersConfig) -> float:
 def scaled_plies(config: FibersConfig, yarn_radius: float) -> PlyShape:
     """The plies of a yarn of `yarn_radius` [mm].
 
-    fit_radius is a similarity of the preset: cross-section and pitches grow alike, fibers keep their thickness and
-    grow in number with the area, so the packing stays. Setting the plies apart then shrinks the ellipses, moves
-    the centers out until each ply touches the yarn's radius, and winds the plies tighter.
+    fit_radius is a similarity of the preset: cross-section and pitches grow alike, fibers keep their
+    thickness and grow in number with the area, so the packing stays. Setting the plies apart then shrinks the
+    ellipses, moves the centers out until each ply touches the yarn's radius, and winds the plies tighter.
     """
     fit = config.scale == "fit_radius"
     outer = fitted_outer_radius(config)
@@ -79,8 +80,8 @@ def turns_along(length: float, pitch: float, *, closed: bool) -> float:
 def phase_at_nodes(turns: float, intervals: int) -> np.ndarray:
     """Phase in [0, 1) turns at the intervals + 1 nodes of a yarn with `turns` in all, float64.
 
-    The whole turns are dropped node by node, so a yarn of any length keeps an error of some 1e-12 turns; where
-    `turns` is whole, the last node gets exactly the first one's phase.
+    The whole turns are dropped node by node, so a yarn of any length keeps an error of some 1e-12 turns;
+    where `turns` is whole, the last node gets exactly the first one's phase.
     """
     phase = np.arange(intervals + 1) * (turns / intervals)
     phase -= np.floor(phase)
@@ -92,7 +93,8 @@ def phase_at_nodes(turns: float, intervals: int) -> np.ndarray:
 def place_in_ply(x: np.ndarray, y: np.ndarray, ply_turns: np.ndarray, shape: PlyShape) -> np.ndarray:
     """Offset from the yarn's center [mm] in its frame (normal, binormal), shape [..., 2].
 
-    (x, y) in the unit disc, x along the short axis (outward), y along the long one; `ply_turns` is the ply's angle.
+    (x, y) in the unit disc, x along the short axis (outward), y along the long one; `ply_turns` is the ply's
+    angle.
     """
     outward = shape.center_radius + shape.short * x
     sideways = shape.long * y
