@@ -101,7 +101,12 @@ class FiberTables:
     stretches: wp.array(dtype=Stretch)
 
 
-RECORDS = {"nodes": YarnNode, "yarns": YarnParameters, "seats": FiberSeat, "stretches": Stretch}
+RECORDS: dict[str, Any] = {
+    "nodes": YarnNode,
+    "yarns": YarnParameters,
+    "seats": FiberSeat,
+    "stretches": Stretch,
+}
 
 
 def to_device(seed: int, hair_segments: int, device: str, **arrays: Any) -> FiberTables:

@@ -174,4 +174,4 @@ def _record_types() -> dict[str, np.dtype]:
     """Numpy's view of the structs that the Warp functions read, written once in `fiber_tables`."""
     from .fiber_tables import RECORDS
 
-    return {name: np.dtype(struct.numpy_dtype())  # type: ignore[attr-defined] for name, struct in RECORDS.items()}
+    return {name: np.dtype(struct.numpy_dtype()) for name, struct in RECORDS.items()}
