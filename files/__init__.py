@@ -1,1 +1,1 @@
-"""Reading and writing files for people: errors that name the place, and writes that never leave half a file."""
+"""Reading and writing files for people: errors that name the place, writes that never leave half a file."""

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written under a temporary name beside the target, flushed, then renamed."""
+"""Files appear whole or not at all: written under a temporary name, flushed, then renamed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         os.replace(temporary, path)
     except OSError as error:
         if error.errno == errno.ENOSPC:
-            raise DiskSpaceError("no space left on the disk", path=path, hint="Free some and run again.") from error
+            hint = "Free some and run again."
+            raise DiskSpaceError("no space left on the disk", path=path, hint=hint) from error
         raise
     finally:
         temporary.unlink(missing_ok=True)

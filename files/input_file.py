@@ -1,4 +1,4 @@
-"""Paths to input files in config models: relative to the file that names them, and there before any work starts."""
+"""Paths in config models: relative to the file that names them; inputs must exist before work starts."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _must_be_a_file(path: Path) -> Path:
 
 
 def _similar_name(path: Path) -> str:
-    """`; did you mean 'x'?` for a file of nearly this name in the same folder, or what is wrong with the folder."""
+    """`; did you mean 'x'?` for a file of nearly this name in the same folder, or what ails the folder."""
     try:
         names = [entry.name for entry in path.parent.iterdir()]
     except OSError:
@@ -52,3 +52,6 @@ def _similar_name(path: Path) -> str:
 
 InputFile = Annotated[Path, BeforeValidator(_resolve_against_its_file), AfterValidator(_must_be_a_file)]
 """An existing file. From a config file: relative to that file's folder. From Python: a plain path."""
+
+OutputPath = Annotated[Path, BeforeValidator(_resolve_against_its_file)]
+"""A place to write to, which need not exist yet. Relative to the config file's folder likewise."""

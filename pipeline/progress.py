@@ -46,7 +46,7 @@ def reporter(kind: str = "auto", stream: TextIO | None = None) -> Reporter:
 class _Clock:
     """Time spent on a stage and the time it will still take."""
 
-    started: float = field(default_factory=time.monotonic)
+    started: float = field(default_factory=lambda: time.monotonic())
 
     @property
     def elapsed(self) -> float:
@@ -165,7 +165,7 @@ def _rich_bar(stream: TextIO) -> RichProgress:
         TextColumn("{task.fields[times]}"),
         TextColumn("{task.fields[detail]}", style="dim"),
     )
-    return Progress(*columns, console=Console(file=stream), transient=True)
+    return Progress(*columns, console=Console(file=stream, force_terminal=True), transient=True)
 
 
 def _times(clock: _Clock, fraction: float) -> str:

@@ -90,12 +90,17 @@ def _explain(
 def _unknown_key(key: KeyPath, value: Any, table: type[BaseModel] | None, model: type[BaseModel]) -> str:
     name = str(key[-1])
     what = f"unknown {'table' if isinstance(value, dict) else 'key'}"
-    known = list(table.model_fields) if table else []
-    suggestion = did_you_mean(name, known, list_known=0)
-    if not suggestion:
-        homes = [dotted(path[:-1]) for path in _all_keys(model) if path[-1] == name and len(path) > 1]
-        suggestion = f"; it belongs in [{homes[0]}]" if homes else did_you_mean(name, known)
-    return what + suggestion
+    for path, home in _tables(model):
+        if name in home.model_fields and path == _without_indices(key[:-1]):
+            return f"{what}; it goes with kind = '{', '.join(map(str, _kinds(home)))}'"
+    for path, home in _tables(model):
+        if name in home.model_fields and path and name != "kind":
+            return f"{what}; it belongs in [{dotted(path)}]"
+    return what + did_you_mean(name, table.model_fields if table else [])
+
+
+def _without_indices(key: KeyPath) -> KeyPath:
+    return tuple(part for part in key if isinstance(part, str))
 
 
 def _what_it_is(table: type[BaseModel] | None, key: KeyPath) -> str:
@@ -205,12 +210,11 @@ def _is_model(annotation: Any) -> bool:
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
-def _all_keys(model: type[BaseModel], path: KeyPath = ()) -> Iterator[KeyPath]:
-    """Every key that a job may have, with one path to each."""
+def _tables(model: type[BaseModel], path: KeyPath = ()) -> Iterator[tuple[KeyPath, type[BaseModel]]]:
+    """Every table that a job may have, by its path without array indices, with its model."""
+    yield path, model
     for name, field in model.model_fields.items():
-        yield (*path, name)
         for member in _union_members(field.annotation):
-            items = [item for item in (member, *get_args(member)) if item is not Ellipsis]
-            for item in (inner for outer in items for inner in _union_members(outer)):
+            for item in (inner for outer in (member, *get_args(member)) for inner in _union_members(outer)):
                 if _is_model(item) and len(path) < 6:
-                    yield from _all_keys(item, (*path, name))
+                    yield from _tables(item, (*path, name))
