@@ -1,0 +1,129 @@
+// Three-lobe fiber phase function R, TT, TRT (thesis section 6.2, after Khungurn et al. 2015), per steradian.
+// Local frame: x is the fiber; wo and wi point away from the point. Every lobe is sampled exactly, so a gray fiber's
+// weight is its albedo for every sample. Twin: fiber_model/scattering.py
+#include "math/constants.glsl"
+#include "rng/random.glsl"
+#include "phase/fiber_block.glsl"
+#include "phase/fiber_longitudinal.glsl"
+#include "phase/fiber_azimuthal.glsl"
+
+// What depends on wo only. Compute it once per vertex and share it between light sampling and scattering.
+struct FiberLobes {
+    float sin_o;
+    float cos_o;
+    vec2 azimuth_o;      // unit vector (y, z); the y axis where wo runs along the fiber
+    vec3 energy_r;       // a_R, a_TT, a_TRT, linear RGB
+    vec3 energy_tt;
+    vec3 energy_trt;
+    vec3 chance;         // of choosing R, TT, TRT, by their largest channels; sums to one, a black fiber takes R
+    vec3 along_scale;    // normalization of M per lobe
+};
+
+vec2 fiber_azimuth(vec3 w, float cos_theta) {
+    return cos_theta > 0.0 ? w.yz / cos_theta : vec2(1.0, 0.0);
+}
+
+FiberLobes fiber_lobes(FiberScattering s, vec3 wo) {
+    FiberLobes lobes;
+    lobes.sin_o = wo.x;
+    lobes.cos_o = length(wo.yz);
+    lobes.azimuth_o = fiber_azimuth(wo, lobes.cos_o);
+    float grazing = max(0.0, 1.0 - lobes.cos_o);
+    float grazing2 = grazing * grazing;
+    vec3 entering = (1.0 - s.fresnel_r.rgb) * (1.0 - grazing2 * grazing2 * grazing);
+    lobes.energy_r = s.energy_r.rgb * (1.0 - entering);
+    lobes.energy_tt = s.energy_tt.rgb * entering;
+    lobes.energy_trt = s.energy_trt.rgb * entering;
+    vec3 strength = vec3(
+        max(lobes.energy_r.r, max(lobes.energy_r.g, lobes.energy_r.b)),
+        max(lobes.energy_tt.r, max(lobes.energy_tt.g, lobes.energy_tt.b)),
+        max(lobes.energy_trt.r, max(lobes.energy_trt.g, lobes.energy_trt.b)));
+    float total = strength.x + strength.y + strength.z;
+    lobes.chance = total > 0.0 ? strength / total : vec3(1.0, 0.0, 0.0);
+    lobes.along_scale = fiber_longitudinal_scale(s, lobes.sin_o, lobes.cos_o);
+    return lobes;
+}
+
+// M_k N_k [1/sr]; each integrates to one over the sphere.
+vec3 fiber_lobe_densities(FiberScattering s, FiberLobes lobes, vec3 wi) {
+    float cos_i = length(wi.yz);
+    vec2 azimuth_i = fiber_azimuth(wi, cos_i);
+    vec3 along = fiber_longitudinal_eval(s, lobes.along_scale, lobes.sin_o, lobes.cos_o, wi.x, cos_i);
+    float cos_phi = dot(lobes.azimuth_o, azimuth_i);
+    float sin_phi = lobes.azimuth_o.x * azimuth_i.y - lobes.azimuth_o.y * azimuth_i.x;
+    float from_tt = arctangent(abs(sin_phi), -cos_phi);
+    float around_tt = fiber_azimuthal_eval(s.around_tt, from_tt);
+    float around_trt = s.around_trt.x == 0.0 ? INV_TWO_PI : fiber_azimuthal_eval(s.around_trt, PI - from_tt);
+    return along * vec3(INV_TWO_PI, around_tt, around_trt);
+}
+
+vec3 fiber_lobes_value(FiberLobes lobes, vec3 densities) {
+    return lobes.energy_r * densities.x + lobes.energy_tt * densities.y + lobes.energy_trt * densities.z;
+}
+
+// The one loop of the sampler: (sin theta_i, cos theta_i) of the Gaussian lobe, and phi where it is von Mises.
+// Both are tried twice per turn with acceptance of at least 0.65, so FIBER_TURNS leave a chance below 1e-10 that a
+// lobe stays pending; it then takes the lobe's mode.
+const int FIBER_TURNS = 12;
+
+vec2 fiber_rejection(bool theta_pending, FiberLobes lobes, float beta, vec4 around, inout uvec4 rng, inout float phi) {
+    FiberProposal proposal = fiber_longitudinal_proposal(lobes.sin_o, lobes.cos_o, beta);
+    float theta = proposal.tangent;
+    bool phi_pending = around.x == 3.0;
+    phi = phi_pending ? 0.0 : phi;
+    for (int i = 0; i < FIBER_TURNS; ++i) {
+        if (!theta_pending && !phi_pending) break;
+        if (theta_pending) {
+            vec4 u = random4(rng);
+            vec2 normals = standard_normals(u.xy);
+            theta_pending = !fiber_longitudinal_try(proposal, normals.x, u.z, theta);
+            if (theta_pending) theta_pending = !fiber_longitudinal_try(proposal, normals.y, u.w, theta);
+        }
+        if (phi_pending) {
+            vec4 u = random4(rng);
+            phi_pending = !fiber_von_mises_try(around, u.xy, phi);
+            if (phi_pending) phi_pending = !fiber_von_mises_try(around, u.zw, phi);
+        }
+    }
+    return vec2(sin(theta), cos(theta));
+}
+
+vec3 fiber_albedo(FiberScattering s, vec3 wo) {
+    return fiber_lobes_value(fiber_lobes(s, wo), vec3(1.0));
+}
+
+vec3 fiber_eval(FiberScattering s, vec3 wo, vec3 wi) {
+    FiberLobes lobes = fiber_lobes(s, wo);
+    return fiber_lobes_value(lobes, fiber_lobe_densities(s, lobes, wi));
+}
+
+float fiber_pdf(FiberScattering s, vec3 wo, vec3 wi) {
+    FiberLobes lobes = fiber_lobes(s, wo);
+    return dot(lobes.chance, fiber_lobe_densities(s, lobes, wi));
+}
+
+// A direction with density pdf, and weight = eval / pdf per channel (at most the sum of the lobes' largest channels).
+vec3 fiber_lobes_sample(FiberScattering s, FiberLobes lobes, inout uvec4 rng, out vec3 weight, out float pdf) {
+    vec4 u = random4(rng);
+    bool is_r = u.x < lobes.chance.x;
+    bool is_tt = !is_r && u.x < lobes.chance.x + lobes.chance.y;
+    float beta = is_r ? s.width.x : (is_tt ? s.width.y : s.width.z);
+    vec4 around = is_r ? vec4(0.0) : (is_tt ? s.around_tt : s.around_trt);
+    float phi = fiber_azimuthal_sample(around, u.yz);
+    vec2 along = fiber_rejection(s.width.w == 0.0, lobes, beta, around, rng, phi);
+    if (s.width.w != 0.0) along = fiber_vmf_sample(lobes.sin_o, lobes.cos_o, beta, random4(rng).xy);
+
+    phi += is_tt ? PI : 0.0;
+    vec2 turn = vec2(cos(phi), sin(phi));
+    vec2 azimuth_i = vec2(
+        lobes.azimuth_o.x * turn.x - lobes.azimuth_o.y * turn.y, lobes.azimuth_o.x * turn.y + lobes.azimuth_o.y * turn.x);
+    vec3 wi = normalize(vec3(along.x, along.y * azimuth_i));
+    vec3 densities = fiber_lobe_densities(s, lobes, wi);
+    pdf = dot(lobes.chance, densities);
+    weight = pdf > 0.0 ? fiber_lobes_value(lobes, densities) / pdf : vec3(0.0);
+    return wi;
+}
+
+vec3 fiber_sample(FiberScattering s, vec3 wo, inout uvec4 rng, out vec3 weight, out float pdf) {
+    return fiber_lobes_sample(s, fiber_lobes(s, wo), rng, weight, pdf);
+}
