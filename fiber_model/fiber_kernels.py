@@ -353,12 +353,33 @@ def strand_point(tables: FiberTables, stretch: wp.int32, strand: wp.int32, k: wp
     return open_strand_point(tables, open_strand(tables, stretch, strand), k)
 
 
+KIND_BODY = wp.constant(0)
+KIND_LOOP = wp.constant(1)
+KIND_HAIR = wp.constant(2)
+
+
+@wp.func
+def strand_kind(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.int32:
+    """Whether point `k` belongs to a hair, to a loop, or to neither."""
+    if strand.is_hair != 0:
+        return KIND_HAIR
+    yarn = tables.yarns[strand.yarn]
+    index = strand.first + k
+    if yarn.closed != 0 and index == yarn.intervals:
+        index = wp.int32(0)
+    peak = migration_peak(tables.seed, yarn, strand.yarn, strand.fiber, strand.seat, index)
+    if peak > yarn.migration_high * strand.seat.radius:
+        return KIND_LOOP
+    return KIND_BODY
+
+
 @wp.kernel
 def points_kernel(
     tables: FiberTables,
     stretches: wp.array(dtype=wp.int32),
     offsets: wp.array(dtype=wp.int64),
     points: wp.array(dtype=wp.vec3),
+    kinds: wp.array(dtype=wp.uint8),
 ):
     """All strands of chosen stretches, one after the other: stretch i writes from point offsets[i] on."""
     i = wp.tid()
@@ -368,6 +389,7 @@ def points_kernel(
         strand = open_strand(tables, stretch, s)
         for k in range(strand.segments + 1):
             points[place] = open_strand_point(tables, strand, k)
+            kinds[place] = wp.uint8(strand_kind(tables, strand, k))
             place += wp.int64(1)
 
 
