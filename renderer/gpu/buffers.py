@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
-
 from weft.files.errors import DeviceMemoryError
 
 MIB = 1024 * 1024

@@ -10,10 +10,15 @@ from .shader_source import Constant, ShaderSource, ShaderSourceError, assemble
 
 
 def compute_program(
-    context: moderngl.Context, name: str, *, constants: Mapping[str, Constant], text: str | None = None
+    context: moderngl.Context,
+    name: str,
+    *,
+    constants: Mapping[str, Constant],
+    pieces: Mapping[str, str] | None = None,
+    text: str | None = None,
 ) -> moderngl.ComputeShader:
     """Compile renderer/shaders/`name` (or `text`); errors name the file and line of the piece they are in."""
-    return compile_source(context, assemble(name, text, constants=constants))
+    return compile_source(context, assemble(name, text, constants=constants, pieces=pieces))
 
 
 def compile_source(context: moderngl.Context, source: ShaderSource) -> moderngl.ComputeShader:
@@ -25,7 +30,7 @@ def compile_source(context: moderngl.Context, source: ShaderSource) -> moderngl.
 
 
 def set_uniforms(program: moderngl.ComputeShader, values: Mapping[str, object]) -> None:
-    """Set uniforms by name; those the compiler removed as unused are skipped, so check names in the shader."""
+    """Set uniforms by name, skipping those the compiler removed as unused."""
     for name, value in values.items():
         if name in program:
             program[name] = value

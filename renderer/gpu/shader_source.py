@@ -1,8 +1,9 @@
 """Assembling GLSL: `#include "phase/fiber.glsl"`, `#constant NAME`, and line numbers for readable errors.
 
-- `#include "path"`: relative to renderer/shaders/, each file at most once; a missing file is an error.
-- `#constant NAME`: becomes `#define NAME value`; a constant without a value, or a value no shader asks for, is an
-  error, so a typing mistake never turns into an empty string.
+- `#include "path"`: relative to renderer/shaders/, each file at most once; a missing file is an error. Text made
+  at run time (a struct, a choice between pieces) is included the same way, from `pieces`.
+- `#constant NAME`: becomes `#define NAME value`; a constant without a value, or a value no shader asks for, is
+  an error, so a typing mistake never turns into an empty string.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ SHADER_FOLDER = Path(__file__).resolve().parent.parent / "shaders"
 
 Constant = bool | int | float
 
-_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
+_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*(?://.*)?$')
 _CONSTANT = re.compile(r"^\s*#constant\s+(\w+)\s*(?://.*)?$")
 _MESA_PLACE = re.compile(r"^(\d+):(\d+)\((\d+)\)", re.MULTILINE)
 _NVIDIA_PLACE = re.compile(r"^(\d+)\((\d+)\)", re.MULTILINE)
@@ -47,6 +48,7 @@ class ShaderSource:
 @dataclass
 class _Assembler:
     constants: Mapping[str, Constant]
+    pieces: Mapping[str, str]
     lines: list[str] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     included: set[str] = field(default_factory=set)
@@ -70,7 +72,7 @@ class _Assembler:
         if path in self.included:
             return
         self.included.add(path)
-        self.add(path, read_shader(path, place=place))
+        self.add(path, self.pieces[path] if path in self.pieces else read_shader(path, place=place))
 
     def _define(self, name: str, place: str) -> str:
         if name not in self.constants:
@@ -89,9 +91,15 @@ def read_shader(path: str, *, place: str = "") -> str:
     return file.read_text(encoding="utf-8")
 
 
-def assemble(name: str, text: str | None = None, *, constants: Mapping[str, Constant]) -> ShaderSource:
+def assemble(
+    name: str,
+    text: str | None = None,
+    *,
+    constants: Mapping[str, Constant],
+    pieces: Mapping[str, str] | None = None,
+) -> ShaderSource:
     """The shader `name` under renderer/shaders/ (or `text` under that name) with its pieces and constants."""
-    assembler = _Assembler(constants)
+    assembler = _Assembler(constants, pieces or {})
     assembler.add(name, read_shader(name) if text is None else text)
     if unknown := sorted(set(constants) - assembler.defined):
         raise ShaderSourceError(f"{name}: no shader asks for constant {', '.join(unknown)}")

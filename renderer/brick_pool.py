@@ -1,0 +1,203 @@
+"""Fiber grids as the kernel reads them: a dense grid of cells over pages of quantized bricks.
+
+A cell is the place of one brick of 8 x 8 x 8 voxels. Its word in `cells` says
+- occupied: bit 31 clear, bits 28..30 the number of layers less one, bits 0..27 the first brick. The bricks of one
+  cell (one per medium that has fiber there) follow each other, so overlapping media add exactly;
+- empty: bit 31 set, bits 0..15 the Chebyshev radius r in cells such that the (2r+1)^3 cells around it are empty, so
+  a ray crosses the whole box in one step (proximity clouds, Cohen and Sheffer 1994).
+
+A voxel word is 12 bits of density over 10 + 10 bits of direction (hemi-octahedral). A voxel without fiber keeps in
+bits 0..2 the radius of the empty box around it within its brick. The scale of each brick is chosen so that the sum
+of its densities is kept exactly, and its majorant is that of the stored values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from weft.files.errors import DeviceMemoryError, InputError
+from weft.voxelize.grid import BRICK_SIZE, BRICK_VOXELS, FiberGrid
+
+from .direction_encoding import DIRECTION_BITS, encode_axis
+
+DENSITY_LEVELS = (1 << 12) - 1
+EMPTY_CELL = 1 << 31
+MAX_LAYERS = 8
+MAX_CELLS = 1 << 28
+MAX_EMPTY_RADIUS_IN_BRICK = 7
+BRICKS_PER_CHUNK = 8192
+
+
+@dataclass(frozen=True)
+class BrickPool:
+    """Media superposed on one lattice. Lengths in voxels; `origin` is the lattice place of the pool's corner."""
+
+    voxel_size_mm: float
+    origin: np.ndarray
+    """Lattice coordinates of voxel (0, 0, 0) of the pool, int64, shape [3]."""
+    cells: np.ndarray
+    """One word per cell, uint32, shape [nx, ny, nz]."""
+    voxels: np.ndarray
+    """Quantized voxels, uint32, shape [brick_count, 512]."""
+    density_step: np.ndarray
+    """Volume fraction of one density level, per brick, float32, shape [brick_count]."""
+    majorant_level: np.ndarray
+    """Largest density level, per brick, uint32, shape [brick_count]."""
+    medium: np.ndarray
+    """Index of the medium of each brick, uint32, shape [brick_count]."""
+    fiber_radius_mm: np.ndarray
+    """Per medium, float64, shape [medium_count]."""
+    layer_count: int
+    """Largest number of media in one cell."""
+
+    @property
+    def size(self) -> np.ndarray:
+        """Extent in voxels, int64, shape [3]."""
+        return np.array(self.cells.shape, np.int64) * BRICK_SIZE
+
+    @property
+    def corner_mm(self) -> np.ndarray:
+        """World place of the pool's lower corner [mm]."""
+        return self.origin * self.voxel_size_mm
+
+    @property
+    def byte_count(self) -> int:
+        """Bytes on the device."""
+        return self.cells.nbytes + self.voxels.nbytes + 8 * len(self.voxels)
+
+
+def build_brick_pool(grids: Sequence[FiberGrid]) -> BrickPool:
+    """Superpose the grids, one medium each in the given order. Raises `InputError` for what cannot be rendered."""
+    voxel_size = _common_voxel_size(grids)
+    for index, grid in enumerate(grids):
+        _check_values(grid, index)
+    origins = np.concatenate([np.asarray(grid.origins, np.int64) for grid in grids])
+    medium = np.concatenate([np.full(len(grid.origins), i, np.uint32) for i, grid in enumerate(grids)])
+    places = origins // BRICK_SIZE
+    low = places.min(axis=0)
+    shape = tuple(int(n) for n in places.max(axis=0) - low + 1)
+    if np.prod(shape, dtype=float) > MAX_CELLS:
+        raise DeviceMemoryError(
+            f"render: the volume spans {shape} bricks, more than the renderer's {MAX_CELLS}.",
+            hint="Raise voxelize.voxel_size_mm.",
+        )
+    flat = np.ravel_multi_index(tuple((places - low).T), shape)
+    order = np.lexsort((medium, flat))
+    flat, medium = flat[order], medium[order]
+    cells, layer_count = _link_cells(flat, medium, shape)
+    voxels, step, level = _quantize(grids, order)
+    return BrickPool(
+        voxel_size_mm=voxel_size,
+        origin=low * BRICK_SIZE,
+        cells=cells,
+        voxels=voxels,
+        density_step=step,
+        majorant_level=level,
+        medium=medium,
+        fiber_radius_mm=np.array([grid.fiber_radius_mm for grid in grids]),
+        layer_count=layer_count,
+    )
+
+
+def _common_voxel_size(grids: Sequence[FiberGrid]) -> float:
+    if not grids or not any(len(grid.origins) for grid in grids):
+        raise InputError("render: the volume holds no fiber.", hint="Check yarns and voxelize.")
+    sizes = sorted({float(grid.voxel_size_mm) for grid in grids})
+    if len(sizes) > 1:
+        raise InputError(f"render: the media have different voxel sizes {sizes} mm; they need one.")
+    if not (np.isfinite(sizes[0]) and sizes[0] > 0):
+        raise InputError(f"render: voxel size is {sizes[0]} mm; it must be a positive length.")
+    return sizes[0]
+
+
+def _check_values(grid: FiberGrid, index: int) -> None:
+    if not (np.isfinite(grid.fiber_radius_mm) and grid.fiber_radius_mm > 0):
+        raise InputError(
+            f"render: medium {index} has fiber radius {grid.fiber_radius_mm} mm; it must be positive."
+        )
+    if np.any(np.asarray(grid.origins) % BRICK_SIZE):
+        raise InputError(
+            f"render: medium {index} has bricks that do not start at a multiple of {BRICK_SIZE} voxels."
+        )
+    # min and max propagate NaN, and make no temporary of the grid's size
+    if len(grid.density) and not (grid.density.min() >= 0 and grid.density.max() < np.inf):
+        raise InputError(f"render: medium {index} has densities that are negative or not finite.")
+
+
+def _link_cells(flat: np.ndarray, medium: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, int]:
+    """Words of all cells from the sorted cell numbers of the bricks, and the largest layer count."""
+    occupied, first, count = np.unique(flat, return_index=True, return_counts=True)
+    if np.any((flat[1:] == flat[:-1]) & (medium[1:] == medium[:-1])):
+        raise InputError("render: a grid has two bricks at the same place.")
+    if count.max() > MAX_LAYERS:
+        raise InputError(
+            f"render: {count.max()} media meet in one brick; the renderer superposes {MAX_LAYERS}."
+        )
+    mask = np.zeros(shape, bool)
+    mask.reshape(-1)[occupied] = True
+    cells = (EMPTY_CELL | _empty_radius(mask)).astype(np.uint32)
+    cells.reshape(-1)[occupied] = ((count - 1) << 28 | first).astype(np.uint32)
+    return cells, int(count.max())
+
+
+def _empty_radius(occupied: np.ndarray) -> np.ndarray:
+    """Chebyshev distance to the nearest occupied cell, less one; cells outside count as empty."""
+    from scipy.ndimage import distance_transform_cdt
+
+    distance = distance_transform_cdt(~occupied, metric="chessboard")
+    return np.clip(distance - 1, 0, 0xFFFF).astype(np.uint32)
+
+
+def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Voxel words, density step and largest level of every brick, in pool order."""
+    target = np.empty(len(order), np.int64)
+    target[order] = np.arange(len(order))
+    voxels = np.empty((len(order), BRICK_VOXELS), np.uint32)
+    step = np.empty(len(order), np.float32)
+    level = np.empty(len(order), np.uint32)
+    start = 0
+    for grid in grids:
+        for begin in range(0, len(grid.origins), BRICKS_PER_CHUNK):
+            chunk = slice(begin, begin + BRICKS_PER_CHUNK)
+            place = target[start + begin : start + min(begin + BRICKS_PER_CHUNK, len(grid.origins))]
+            voxels[place], step[place], level[place] = _quantize_chunk(
+                grid.density[chunk], grid.direction[chunk]
+            )
+        start += len(grid.origins)
+    return voxels, step, level
+
+
+def _quantize_chunk(density: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    peak = density.max(axis=1, keepdims=True).astype(np.float64)
+    levels = np.rint(density / np.where(peak > 0, peak, 1) * DENSITY_LEVELS).astype(np.uint32)
+    # keep the brick's fiber volume: the step comes from the sums, not from the peak
+    step = density.sum(axis=1, dtype=np.float64) / np.maximum(levels.sum(axis=1), 1)
+    words = levels << (2 * DIRECTION_BITS) | encode_axis(direction)
+    words = np.where(levels > 0, words, _empty_radius_in_brick(levels > 0))
+    return words.astype(np.uint32), step.astype(np.float32), levels.max(axis=1)
+
+
+def _empty_radius_in_brick(occupied: np.ndarray) -> np.ndarray:
+    """Chebyshev distance to the nearest occupied voxel of the same brick, less one, shape [bricks, 512]."""
+    near = occupied.reshape(-1, BRICK_SIZE, BRICK_SIZE, BRICK_SIZE)
+    radius = np.zeros(near.shape, np.uint8)
+    for _ in range(MAX_EMPTY_RADIUS_IN_BRICK):
+        near = _dilate(near)
+        if near.all():
+            break
+        radius += ~near
+    return radius.reshape(len(radius), -1)
+
+
+def _dilate(mask: np.ndarray) -> np.ndarray:
+    """The mask and its 26 neighbors, within each brick."""
+    for axis in (1, 2, 3):
+        grown = mask.copy()
+        low, high = [slice(None)] * 4, [slice(None)] * 4
+        low[axis], high[axis] = slice(None, -1), slice(1, None)
+        grown[tuple(high)] |= mask[tuple(low)]
+        grown[tuple(low)] |= mask[tuple(high)]
+        mask = grown
+    return mask

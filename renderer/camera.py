@@ -1,0 +1,98 @@
+"""Placing the camera: framing the volume, and the vectors the kernel makes rays from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from weft.files.errors import InputError
+
+from .config import OrthographicCamera, PerspectiveCamera
+
+
+@dataclass(frozen=True)
+class CameraFrame:
+    """Position [mm] and axes, each float64, shape [3]. `right` and `up` reach from the middle of the picture to its
+    edges: in mm for an orthographic camera, at distance 1 for a perspective one."""
+
+    perspective: bool
+    position: np.ndarray
+    forward: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Rows: unit vectors to the right, up, and toward the camera."""
+        unit = [v / np.linalg.norm(v) for v in (self.right, self.up, -self.forward)]
+        return np.array(unit)
+
+
+def place_camera(
+    camera: PerspectiveCamera | OrthographicCamera, bounds_mm: np.ndarray, resolution: tuple[int, int]
+) -> CameraFrame:
+    """The camera around a volume with corners `bounds_mm`, shape [2, 3]."""
+    aspect = resolution[1] / resolution[0]
+    center = bounds_mm.mean(axis=0) if camera.target_mm is None else np.array(camera.target_mm)
+    toward = _toward_camera(camera, bounds_mm, center)
+    right, up = _picture_axes(toward, np.array(camera.up))
+    if camera.kind == "orthographic":
+        half = _half_width(camera, bounds_mm, center, right, up, aspect)
+        position = center + toward * (np.ptp(bounds_mm, axis=0).sum() + 1.0)
+        if camera.position_mm is not None:
+            position = np.array(camera.position_mm)
+        return CameraFrame(False, position, -toward, right * half, up * half * aspect)
+    slope = math.tan(math.radians(camera.fov_deg) / 2)
+    if camera.position_mm is not None:
+        position = np.array(camera.position_mm)
+    else:
+        half = _half_width(camera, bounds_mm, center, right, up, aspect)
+        # the frame is that wide at the side of the volume that faces the camera, or at the target of a close-up
+        depth = 0.0 if camera.frame_width_mm else np.abs(toward) @ (np.ptp(bounds_mm, axis=0) / 2)
+        position = center + toward * (half / slope + depth)
+    return CameraFrame(True, position, -toward, right * slope, up * slope * aspect)
+
+
+def _toward_camera(
+    camera: PerspectiveCamera | OrthographicCamera, bounds_mm: np.ndarray, center: np.ndarray
+) -> np.ndarray:
+    if camera.position_mm is not None:
+        toward = np.array(camera.position_mm) - center
+    elif camera.view_direction is not None:
+        toward = np.array(camera.view_direction)
+    else:
+        toward = np.eye(3)[np.argmin(np.ptp(bounds_mm, axis=0))]
+    length = np.linalg.norm(toward)
+    if not length > 0:
+        raise InputError("render.camera: the camera stands at its target.", hint="Move position_mm.")
+    return toward / length
+
+
+def _picture_axes(toward: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit right and up vectors of the picture."""
+    if np.linalg.norm(np.cross(up, toward)) < 1e-3 * np.linalg.norm(up) or not up.any():
+        up = np.array([0.0, 0.0, -1.0])
+        if abs(toward[2]) > 0.9:
+            up = np.array([0.0, 1.0, 0.0])
+    right = np.cross(up, toward)
+    right /= np.linalg.norm(right)
+    return right, np.cross(toward, right)
+
+
+def _half_width(
+    camera: PerspectiveCamera | OrthographicCamera,
+    bounds_mm: np.ndarray,
+    center: np.ndarray,
+    right: np.ndarray,
+    up: np.ndarray,
+    aspect: float,
+) -> float:
+    """Half the width [mm] of what is seen: as asked, or so that the box of the volume fits with a small margin."""
+    if camera.frame_width_mm is not None:
+        return camera.frame_width_mm / 2
+    corners = np.array(
+        [[bounds_mm[i, 0], bounds_mm[j, 1], bounds_mm[k, 2]] for i, j, k in np.ndindex(2, 2, 2)]
+    )
+    offsets = corners - center
+    return 1.03 * float(max(np.abs(offsets @ right).max(), np.abs(offsets @ up).max() / aspect))

@@ -1,0 +1,158 @@
+"""Settings of the render stage: picture, camera, lights, transport."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from weft.files.input_file import InputFile
+
+Vector = tuple[float, float, float]
+Color = tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
+"""Linear RGB."""
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+
+class _Camera(_Settings):
+    """Framing shared by both cameras. With nothing set, the whole volume is seen from its broad side."""
+
+    position_mm: Vector | None = None
+    """Where the camera stands; unset: far enough along `view_direction` for the frame to fit."""
+    target_mm: Vector | None = None
+    """What the camera looks at; unset: the middle of the volume."""
+    view_direction: Vector | None = None
+    """From the target toward the camera, where `position_mm` is unset; unset: across the volume's thinnest side."""
+    up: Vector = (0.0, 1.0, 0.0)
+    """Roughly upward in the picture; where it is along the view, -z is up (a cloth lying on the ground)."""
+    frame_width_mm: float | None = Field(default=None, gt=0)
+    """Width of what is seen at the target, for a close-up; unset: the volume fits."""
+
+
+class PerspectiveCamera(_Camera):
+    """A pinhole."""
+
+    kind: Literal["perspective"] = "perspective"
+    fov_deg: float = Field(default=30.0, gt=0, lt=179)
+    """Horizontal field of view."""
+
+    @model_validator(mode="after")
+    def _position_or_frame(self) -> PerspectiveCamera:
+        if self.position_mm is not None and self.frame_width_mm is not None:
+            raise ValueError("frame_width_mm places the camera; leave it out where position_mm does")
+        return self
+
+
+class OrthographicCamera(_Camera):
+    """Parallel rays along the view."""
+
+    kind: Literal["orthographic"] = "orthographic"
+
+
+class ConstantLight(_Settings):
+    """The same radiance from everywhere."""
+
+    kind: Literal["constant"] = "constant"
+    radiance: Color = (1.0, 1.0, 1.0)
+    """Linear RGB radiance."""
+
+
+class EnvironmentLight(_Settings):
+    """A latitude-longitude picture (.exr) around the scene. Up is +y; its left edge looks to -z."""
+
+    kind: Literal["environment"] = "environment"
+    file: InputFile
+    """OpenEXR file, twice as wide as high."""
+    intensity: float = Field(default=1.0, ge=0)
+    """Factor on the picture's radiance."""
+    rotation_deg: float = 0.0
+    """Turn about the y axis, counterclockwise seen from above."""
+
+
+class DirectionalLight(_Settings):
+    """Parallel light, as from the sun."""
+
+    kind: Literal["directional"] = "directional"
+    direction: Vector
+    """From the scene toward the light; need not be of unit length."""
+    irradiance: Color = (1.0, 1.0, 1.0)
+    """On a surface facing the light."""
+    relative_to: Literal["world", "camera"] = "world"
+    """camera: x is right, y up, z toward the camera."""
+
+
+class StudioLight(_Settings):
+    """Softboxes around the camera, made for this program: a key, a fill, a strip behind, and dim walls."""
+
+    kind: Literal["studio"] = "studio"
+    intensity: float = Field(default=1.0, ge=0)
+    """Factor on all of it."""
+    rotation_deg: float = 0.0
+    """Turn about the picture's upward axis; positive moves the key light from the left toward the camera."""
+
+
+class SkyLight(_Settings):
+    """A clear sky gradient over a gray ground, in world directions; add a directional light for the sun."""
+
+    kind: Literal["sky"] = "sky"
+    intensity: float = Field(default=1.0, ge=0)
+    """Factor on all of it."""
+    zenith: Color = (0.25, 0.45, 0.9)
+    """Radiance straight up."""
+    horizon: Color = (0.9, 0.95, 1.0)
+    """Radiance at the horizon."""
+    ground: Color = (0.2, 0.19, 0.18)
+    """Radiance from below."""
+
+
+Camera = Annotated[PerspectiveCamera | OrthographicCamera, Field(discriminator="kind")]
+Light = Annotated[
+    ConstantLight | EnvironmentLight | DirectionalLight | StudioLight | SkyLight, Field(discriminator="kind")
+]
+
+
+class RenderConfig(_Settings):
+    """One picture of one volume."""
+
+    resolution: tuple[Annotated[int, Field(ge=1, le=16384)], Annotated[int, Field(ge=1, le=16384)]] = (
+        512,
+        512,
+    )
+    """Width and height in pixels."""
+    samples_per_pixel: int = Field(default=32, ge=1, le=2**24)
+    """Paths per pixel."""
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    """Random numbers are functions of seed, pixel, sample and dimension."""
+    max_bounces: int = Field(default=1024, ge=1, lt=2**31)
+    """Scattering events after which a path is cut; cut paths are counted. White fibers need hundreds."""
+    roulette_start: int = Field(default=16, ge=1, lt=2**31)
+    """Scattering events after which dim paths end by Russian roulette; it changes noise, never the mean."""
+    camera: Camera = PerspectiveCamera()
+    """The camera."""
+    lights: tuple[Light, ...] = Field(default=(StudioLight(),), min_length=1)
+    """All lights; those around the scene add up to one environment."""
+    background: Literal["environment"] | Color = (0.0, 0.0, 0.0)
+    """What camera rays see that meet no fiber: a linear color, or the environment."""
+    exposure: float = 0.0
+    """Stops applied to the preview only."""
+    extinction: Literal["projected", "isotropic"] = "projected"
+    """projected: (2 phi / (pi a)) sin(angle to the fiber); isotropic: the density times one scale."""
+    isotropic_extinction_per_mm: float | None = Field(default=None, gt=0)
+    """Extinction of volume fraction 1, for "isotropic"; unset: the mean of "projected", 1/(2a)."""
+    self_shadow_offset_fibers: float = Field(default=0.0, ge=0)
+    """Distance, in fiber radii, skipped after every scattering event, so that a fiber's own voxels do not shadow it.
+
+    About 3.5 matches fibers traced one by one; not reciprocal, hence off by default.
+    """
+    tracking: Literal["exact", "delta"] = "exact"
+    """exact: optical depth voxel by voxel; delta: delta and ratio tracking with a majorant per brick. Same mean."""
+    sampling: Literal["both", "lights", "phase"] = "both"
+    """How environment light is found: by choosing lights, by the phase function, or both weighted. Same mean."""
+
+    @model_validator(mode="after")
+    def _scale_needs_isotropic(self) -> RenderConfig:
+        if self.isotropic_extinction_per_mm is not None and self.extinction != "isotropic":
+            raise ValueError('isotropic_extinction_per_mm has no effect unless extinction = "isotropic"')
+        return self

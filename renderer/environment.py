@@ -1,0 +1,131 @@
+"""Light from all around, as one latitude-longitude picture in world directions.
+
+Row 0 is +y; column 0 starts at -z and columns go toward +x, as in Mitsuba 3. Radiance is constant in a texel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from weft.files.errors import InputError
+
+from .config import ConstantLight, EnvironmentLight, Light, SkyLight, StudioLight
+from .image import read_rgb
+
+MAX_ROWS = 1024
+PROCEDURAL_ROWS = 256
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def build_environment(lights: Sequence[Light], camera_axes: np.ndarray) -> np.ndarray:
+    """Sum of all lights around the scene, float32, shape [rows, 2 rows, 3]; one black texel pair if there are none."""
+    pictures = [picture for light in lights if (picture := _picture(light, camera_axes)) is not None]
+    rows = max((len(picture) for picture in pictures), default=1)
+    total = np.zeros((rows, 2 * rows, 3))
+    for picture in pictures:
+        total += _resized(picture, rows)
+    return total.astype(np.float32)
+
+
+def texel_directions(rows: int) -> np.ndarray:
+    """Unit vectors to the texel centers, float64, shape [rows, 2 rows, 3]."""
+    theta = (np.arange(rows) + 0.5)[:, None] * np.pi / rows
+    phi = (np.arange(2 * rows) + 0.5)[None, :] * np.pi / rows
+    x, z = np.sin(theta) * np.sin(phi), -np.sin(theta) * np.cos(phi)
+    return np.stack([x, np.broadcast_to(np.cos(theta), x.shape), z], axis=-1)
+
+
+def texel_solid_angles(rows: int) -> np.ndarray:
+    """Exact solid angle of a texel of each row [sr], shape [rows]; they sum to 4 pi over the picture."""
+    edges = np.cos(np.arange(rows + 1) * np.pi / rows)
+    return (edges[:-1] - edges[1:]) * np.pi / rows
+
+
+def _picture(light: Light, camera_axes: np.ndarray) -> np.ndarray | None:
+    if isinstance(light, ConstantLight):
+        return np.broadcast_to(np.array(light.radiance), (1, 2, 3))
+    if isinstance(light, EnvironmentLight):
+        return _rotated(load_environment(light.file), light.rotation_deg) * light.intensity
+    if isinstance(light, StudioLight):
+        return studio(texel_directions(PROCEDURAL_ROWS) @ camera_axes.T, light.rotation_deg) * light.intensity
+    if isinstance(light, SkyLight):
+        return sky(texel_directions(PROCEDURAL_ROWS), light) * light.intensity
+    return None
+
+
+def load_environment(path: Path) -> np.ndarray:
+    """A latitude-longitude picture, reduced to at most 1024 rows by averaging over solid angle."""
+    picture = read_rgb(path).astype(np.float64)
+    rows, columns = picture.shape[:2]
+    if columns != 2 * rows:
+        raise InputError(
+            f"the picture is {columns} x {rows}; an environment must be twice as wide as high.", path=path
+        )
+    if not np.isfinite(picture).all() or picture.min() < 0:
+        raise InputError("the picture holds values that are negative or not finite.", path=path)
+    while rows > MAX_ROWS and rows % 2 == 0:
+        weight = texel_solid_angles(rows)[:, None, None]
+        sums = (picture * weight).reshape(rows // 2, 2, columns // 2, 2, 3).sum(axis=(1, 3))
+        rows, columns = rows // 2, columns // 2
+        picture = sums / (2 * weight.reshape(rows, 2).sum(axis=1))[:, None, None]
+    return picture
+
+
+def _rotated(picture: np.ndarray, degrees: float) -> np.ndarray:
+    """Turned about +y, counterclockwise from above, by a shift of columns with linear interpolation."""
+    # azimuth from -z toward +x is clockwise from above, so counterclockwise moves the columns to the left
+    shift = -degrees / 360 * picture.shape[1]
+    whole = int(np.floor(shift))
+    part = shift - whole
+    near = np.roll(picture, whole, axis=1)
+    return near if part == 0 else near * (1 - part) + np.roll(near, 1, axis=1) * part
+
+
+def _resized(picture: np.ndarray, rows: int) -> np.ndarray:
+    """Each texel repeated or picked to have `rows` rows."""
+    if len(picture) == rows:
+        return picture
+    row = (np.arange(rows) + 0.5) * len(picture) / rows
+    column = (np.arange(2 * rows) + 0.5) * picture.shape[1] / (2 * rows)
+    return picture[row.astype(int)][:, column.astype(int)]
+
+
+def studio(directions: np.ndarray, rotation_deg: float) -> np.ndarray:
+    """Radiance of the softboxes. Directions: x right, y up, z toward the camera, shape [..., 3]."""
+    turn = np.radians(rotation_deg)
+    c, s = np.cos(turn), np.sin(turn)
+    turned = directions @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    walls = 0.04 + 0.06 * np.clip(turned[..., 1], 0, 1)
+    radiance = walls[..., None] * np.array([1.0, 1.0, 1.0])
+    radiance = radiance + _softbox(turned, (-0.75, 0.75, 0.65), (0.55, 0.4), np.array([9.0, 8.6, 8.0]))
+    radiance = radiance + _softbox(turned, (0.95, 0.1, 0.5), (0.5, 0.6), np.array([0.8, 0.95, 1.2]))
+    return radiance + _softbox(turned, (0.45, 0.7, -0.7), (0.7, 0.15), np.array([5.0, 5.2, 5.6]))
+
+
+def _softbox(
+    directions: np.ndarray,
+    middle: tuple[float, float, float],
+    half_size: tuple[float, float],
+    color: np.ndarray,
+) -> np.ndarray:
+    """A rectangle at distance 1 toward `middle`, brightest in its middle, soft over a tenth of its size."""
+    n = np.array(middle) / np.linalg.norm(middle)
+    right = np.cross([0.0, 1.0, 0.0], n)
+    right /= np.linalg.norm(right)
+    up = np.cross(n, right)
+    depth = directions @ n
+    safe = np.where(depth > 0.05, depth, 1.0)
+    x, y = np.abs(directions @ right) / safe / half_size[0], np.abs(directions @ up) / safe / half_size[1]
+    edge = np.clip((1.05 - x) / 0.1, 0, 1) * np.clip((1.05 - y) / 0.1, 0, 1)
+    falloff = 1 - 0.25 * np.clip(x**2 + y**2, 0, 2)
+    return (np.where(depth > 0.05, edge * falloff, 0.0))[..., None] * color
+
+
+def sky(directions: np.ndarray, light: SkyLight) -> np.ndarray:
+    """Radiance of the sky gradient. Directions in the world, y up, shape [..., 3]."""
+    height = directions[..., 1:2]
+    blend = np.clip(height, 0, 1) ** 0.5
+    above = np.array(light.horizon) * (1 - blend) + np.array(light.zenith) * blend
+    return np.where(height >= 0, above, np.array(light.ground))

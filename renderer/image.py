@@ -1,0 +1,77 @@
+"""Pictures in files: OpenEXR in and out, PNG previews.
+
+OpenEXR's Python module ignores numpy strides, and returns a file without parts for truncated input; hence contiguous
+copies on the way out, and a check of what was written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from weft.files.atomic import atomic_write
+from weft.files.errors import InputError
+
+
+def write_exr(path: str | Path, channels: Mapping[str, np.ndarray], attributes: Mapping[str, object]) -> None:
+    """Write float32 channels of one size, shape [height, width], losslessly (ZIP), and read them back.
+
+    Nothing is left behind if it fails.
+    """
+    import OpenEXR
+
+    arrays = {name: np.ascontiguousarray(data, np.float32) for name, data in channels.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
+    with atomic_write(path) as temporary:
+        try:
+            with OpenEXR.File(header, arrays) as file:
+                file.write(str(temporary))
+        except RuntimeError as error:
+            raise OSError(f"OpenEXR could not write {path}: {error}") from error
+        written, _ = read_exr(temporary)
+        for name, data in arrays.items():
+            if not np.array_equal(written[name], data, equal_nan=True):
+                raise OSError(f"{path}: channel {name} reads back differently from what was written")
+
+
+def read_exr(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, object]]:
+    """Channels and attributes of a single-part file. Raises `InputError` for what is not one."""
+    import OpenEXR
+
+    if not Path(path).is_file():
+        raise InputError("no such file.", path=path)
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            if len(file.parts) != 1:
+                raise InputError(
+                    f"an OpenEXR file with {len(file.parts)} readable parts; 1 is needed.", path=path
+                )
+            part = file.parts[0]
+            channels = {name: np.array(channel.pixels) for name, channel in part.channels.items()}
+            return channels, dict(part.header)
+    except RuntimeError as error:
+        raise InputError(f"not a readable OpenEXR file: {error}.", path=path) from error
+
+
+def read_rgb(path: str | Path) -> np.ndarray:
+    """Channels R, G, B as float32, shape [height, width, 3]."""
+    channels, _ = read_exr(path)
+    if missing := [name for name in "RGB" if name not in channels]:
+        raise InputError(f"no channel {', '.join(missing)}; found {', '.join(sorted(channels))}.", path=path)
+    return np.stack([channels[name] for name in "RGB"], axis=-1).astype(np.float32)
+
+
+def write_preview(path: str | Path, radiance: np.ndarray, *, exposure: float = 0.0) -> None:
+    """An 8-bit sRGB PNG of linear radiance, shape [height, width, 3], brightened by `exposure` stops."""
+    from PIL import Image
+
+    levels = np.rint(srgb(radiance * 2.0**exposure) * 255).astype(np.uint8)
+    with atomic_write(path) as temporary:
+        Image.fromarray(levels, "RGB").save(temporary, format="PNG")
+
+
+def srgb(linear: np.ndarray) -> np.ndarray:
+    """sRGB transfer function (IEC 61966-2-1), clipped to [0, 1]."""
+    x = np.clip(np.nan_to_num(linear), 0, 1)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)

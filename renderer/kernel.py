@@ -1,0 +1,254 @@
+"""Running shaders/path/trace.comp: buffers, bindings, and dispatches of bounded length until every sample is done."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import moderngl
+import numpy as np
+from weft.files.errors import DeviceMemoryError
+
+from .brick_pool import BrickPool
+from .gpu import buffers
+from .gpu.programs import compute_program, set_uniforms
+from .scene import Scene
+
+GROUP_SIZE = 64
+STATE_WORDS = 9
+COUNTERS = (
+    "pixel",
+    "steps",
+    "scattering_events",
+    "samples",
+    "cut_paths",
+    "broken_samples",
+    "majorant_violations",
+)
+FILM_LAYERS = 4
+MAX_VOXEL_PAGES = 8
+FIRST_PAGE_BINDING = 7
+LOOP_BUDGET = 16_384
+"""Iterations of all loops per invocation and dispatch; llvmpipe silently stops a shader's loops at 65,535."""
+SLOWEST_SAMPLING_LOOP = 8
+"""Iterations of the phase function's rejection loop that the budget allows for, per round, on average."""
+MODE_IDLE = 4
+
+
+@dataclass(frozen=True)
+class KernelOptions:
+    """How the work is cut up. No choice here changes a bit of the picture."""
+
+    lane_count: int | None = None
+    """Paths in flight; unset: by the kind of device."""
+    steps_per_round: int = 16
+    """Tracking steps between two costly events."""
+    rounds_per_dispatch: int | None = None
+    """Unset: adapted so that a dispatch takes `dispatch_seconds`."""
+    dispatch_seconds: float = 0.15
+    samples_per_pass: int = 256
+    """Samples summed in 32 bits on the device before they are added in 64 bits here."""
+    pixels_per_pass: int = 1 << 20
+    """Pixels whose sums are on the device at once."""
+
+
+@dataclass
+class Counts:
+    """What the kernel counted, over the whole picture."""
+
+    steps: int = 0
+    scattering_events: int = 0
+    samples: int = 0
+    cut_paths: int = 0
+    broken_samples: int = 0
+    majorant_violations: int = 0
+    dispatches: int = 0
+    longest_dispatch_seconds: float = 0.0
+
+
+@dataclass
+class Kernel:
+    """The compiled path tracer with one scene on the device."""
+
+    context: moderngl.Context
+    scene: Scene
+    options: KernelOptions
+    counts: Counts = field(default_factory=Counts)
+
+    def __post_init__(self) -> None:
+        self.lane_count = self.options.lane_count or default_lane_count(self.context)
+        self.lane_count = -(-self.lane_count // GROUP_SIZE) * GROUP_SIZE
+        self.rounds = self.options.rounds_per_dispatch or 4
+        self._upload()
+        self.program = self._compile()
+        set_uniforms(self.program, self.scene.uniforms() | {"lane_count": self.lane_count})
+
+    def trace(
+        self, first_pixel: int, pixel_count: int, samples: range, *, tick: Callable[[int], None] | None = None
+    ) -> np.ndarray:
+        """Film sums over `samples` of a run of pixels, float32, shape [4, pixel_count, 4].
+
+        `tick` is called after each dispatch with the number of samples finished since the last call.
+        """
+        film = buffers.reserve(self.context, FILM_LAYERS * pixel_count * 16, name="the film")
+        film.clear()
+        film.bind_to_storage_buffer(3)
+        self.states.write(self._idle_states())
+        self.counters.clear()
+        self._bind()
+        set_uniforms(
+            self.program,
+            {
+                "first_pixel": first_pixel,
+                "film_pixel_count": pixel_count,
+                "sample_begin": samples.start,
+                "sample_end": samples.stop,
+            },
+        )
+        while self._dispatch(tick):
+            pass
+        sums = buffers.read(film, np.float32).reshape(FILM_LAYERS, pixel_count, 4)
+        film.release()
+        return sums
+
+    def _dispatch(self, tick: Callable[[int], None] | None) -> bool:
+        """One dispatch; true while lanes are at work."""
+        started = time.perf_counter()
+        self.program["round_count"] = self.rounds
+        self.program.run(self.lane_count // GROUP_SIZE)
+        self.context.memory_barrier()
+        values = buffers.read(self.counters, np.uint32)
+        seconds = time.perf_counter() - started
+        # all but the next pixel start again from zero, so that none can pass 32 bits
+        self.counters.write(np.concatenate([values[:1], np.zeros(len(values) - 1, np.uint32)]))
+        for name, value in zip(COUNTERS[1:], values[1:], strict=False):
+            setattr(self.counts, name, getattr(self.counts, name) + int(value))
+        self.counts.dispatches += 1
+        self.counts.longest_dispatch_seconds = max(self.counts.longest_dispatch_seconds, seconds)
+        self._adapt(seconds)
+        if tick:
+            tick(int(values[3]))
+        return bool(values[7])
+
+    def _adapt(self, seconds: float) -> None:
+        """Rounds of the next dispatch: toward the wished duration, at most doubled, within the loop budget."""
+        if self.options.rounds_per_dispatch:
+            return
+        factor = min(2.0, max(0.25, self.options.dispatch_seconds / max(seconds, 1e-6)))
+        self.rounds = int(np.clip(round(self.rounds * factor), 1, self.most_rounds))
+
+    @property
+    def most_rounds(self) -> int:
+        """Rounds of a dispatch whose loops stay within the budget."""
+        return LOOP_BUDGET // (self.options.steps_per_round + 1 + SLOWEST_SAMPLING_LOOP)
+
+    def _upload(self) -> None:
+        pool, ctx = self.scene.pool, self.context
+        page_bricks = _bricks_per_page(ctx)
+        self.page_shift = page_bricks.bit_length() - 1
+        pages = [
+            pool.voxels[start : start + page_bricks] for start in range(0, len(pool.voxels), page_bricks)
+        ]
+        if len(pages) > MAX_VOXEL_PAGES:
+            raise DeviceMemoryError(
+                f"render: {len(pool.voxels)} bricks need {len(pages)} buffers; the renderer uses {MAX_VOXEL_PAGES}.",
+                hint="Raise voxelize.voxel_size_mm.",
+            )
+        self.pages = [buffers.upload(ctx, page, name="the voxels") for page in pages]
+        self.cells = buffers.upload(ctx, pool.cells, name="the cells")
+        self.bricks = buffers.upload(ctx, brick_records(pool, self.scene.extinction_scale), name="the bricks")
+        self.lights = buffers.upload(ctx, self.scene.light_table.entries, name="the lights")
+        self.media = buffers.upload(ctx, self.scene.phase.parameters, name="the scattering parameters")
+        self.states = buffers.reserve(ctx, self.lane_count * STATE_WORDS * 16, name="the paths")
+        self.counters = buffers.upload(ctx, np.zeros(8, np.uint32), name="the counters")
+
+    def _bind(self) -> None:
+        named = (
+            self.cells,
+            self.bricks,
+            self.states,
+            None,
+            self.lights,
+            self.counters,
+            self.media,
+            *self.pages,
+        )
+        for binding, buffer in enumerate(named):
+            if buffer is not None:
+                buffer.bind_to_storage_buffer(binding)
+
+    def _idle_states(self) -> np.ndarray:
+        states = np.zeros((STATE_WORDS, self.lane_count, 4), np.uint32)
+        states[5, :, 3] = MODE_IDLE
+        states[8, :, 0] = 0xFFFFFFFF
+        return states
+
+    def _compile(self) -> moderngl.ComputeShader:
+        return compute_program(
+            self.context,
+            "path/trace.comp",
+            constants=self.scene.constants()
+            | {"GROUP_SIZE": GROUP_SIZE, "STEPS_PER_ROUND": self.options.steps_per_round},
+            pieces=self.scene.pieces()
+            | {"generated/voxel_pages.glsl": voxel_pages_glsl(len(self.pages), self.page_shift)},
+        )
+
+    def release(self) -> None:
+        """Give the device memory back."""
+        for buffer in (
+            self.cells,
+            self.bricks,
+            self.lights,
+            self.media,
+            self.states,
+            self.counters,
+            *self.pages,
+        ):
+            buffer.release()
+        self.program.release()
+
+
+def default_lane_count(context: moderngl.Context) -> int:
+    """Enough lanes to fill the device: few where the processor itself does the work."""
+    software = any(name in context.info["GL_RENDERER"].lower() for name in ("llvmpipe", "softpipe", "swrast"))
+    return 1 << 13 if software else 1 << 18
+
+
+def brick_records(pool: BrickPool, extinction_scale: np.ndarray) -> np.ndarray:
+    """Per brick: extinction of one density level [1/voxel] as bits, and medium | largest level << 16; uint32 [n, 2].
+
+    `extinction_scale`: extinction of volume fraction 1 per medium [1/voxel].
+    """
+    records = np.empty((len(pool.voxels), 2), np.uint32)
+    per_level = pool.density_step * extinction_scale[pool.medium]
+    records[:, 0] = per_level.astype(np.float32).view(np.uint32)
+    records[:, 1] = pool.medium | pool.majorant_level << 16
+    return records
+
+
+def voxel_pages_glsl(page_count: int, page_shift: int) -> str:
+    """Buffers of voxels and the function that picks the right one."""
+    lines = [
+        f"layout(std430, binding = {FIRST_PAGE_BINDING + i}) readonly buffer Voxels{i} {{ uint voxels_{i}[]; }};"
+        for i in range(page_count)
+    ]
+    lines += ["uint voxel_word(uint brick, uint voxel) {"]
+    if page_count > 1:
+        mask = (1 << page_shift) - 1
+        lines += [
+            f"    uint page = brick >> {page_shift}u;",
+            f"    uint index = (brick & {mask}u) * 512u + voxel;",
+        ]
+        lines += [f"    if (page == {i}u) return voxels_{i}[index];" for i in range(page_count - 1)]
+        lines += [f"    return voxels_{page_count - 1}[index];"]
+    else:
+        lines += ["    return voxels_0[brick * 512u + voxel];"]
+    return "\n".join([*lines, "}"]) + "\n"
+
+
+def _bricks_per_page(context: moderngl.Context) -> int:
+    """A power of two of bricks that fits one storage block of this driver, and 31-bit byte offsets."""
+    block = int(context.info.get("GL_MAX_SHADER_STORAGE_BLOCK_SIZE") or buffers.STORAGE_BLOCK_BYTES)
+    bricks = min(max(block, buffers.STORAGE_BLOCK_BYTES), 1 << 30) // 2048
+    return 1 << (bricks.bit_length() - 1)

@@ -1,0 +1,85 @@
+"""All lights as one alias table (Walker 1977), in the layout of shaders/light/lights.glsl."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from weft.files.errors import InputError
+
+from .config import DirectionalLight, Light
+from .environment import LUMINANCE, build_environment, texel_solid_angles
+
+MAX_DIRECTIONAL_LIGHTS = 16
+
+
+@dataclass(frozen=True)
+class LightTable:
+    """Entries of texels, then of directional lights; each is chosen in proportion to its luminous fluence."""
+
+    environment: np.ndarray
+    """Radiance, float32, shape [rows, 2 rows, 3]."""
+    directions: np.ndarray
+    """Toward the directional lights, float32, shape [16, 4], unused rows zero."""
+    entries: np.ndarray
+    """(radiance or irradiance, pdf [1/sr] or probability), (threshold, alias as bits, 0, 0); float32, [n, 8]."""
+
+
+def build_light_table(lights: Sequence[Light], camera_axes: np.ndarray) -> LightTable:
+    """The table of all lights. `camera_axes`: rows right, up, toward the camera."""
+    environment = build_environment(lights, camera_axes)
+    directional = [light for light in lights if isinstance(light, DirectionalLight)]
+    if len(directional) > MAX_DIRECTIONAL_LIGHTS:
+        raise InputError(
+            f"render.lights: {len(directional)} directional lights; at most {MAX_DIRECTIONAL_LIGHTS}."
+        )
+    rows = len(environment)
+    solid_angle = np.repeat(texel_solid_angles(rows), 2 * rows)
+    irradiance = np.array([light.irradiance for light in directional]).reshape(-1, 3)
+    values = np.concatenate([environment.reshape(-1, 3), irradiance]).astype(np.float64)
+    measure = np.concatenate([solid_angle, np.ones(len(directional))])
+    fluence = values @ LUMINANCE * measure
+    # a black scene still needs a table; its entries carry nothing
+    probability = fluence / fluence.sum() if fluence.sum() > 0 else np.full(len(fluence), 1 / len(fluence))
+    threshold, alias = alias_table(probability)
+    entries = np.zeros((len(values), 8), np.float32)
+    entries[:, :3] = values
+    entries[:, 3] = probability / measure
+    entries[:, 4] = threshold
+    entries[:, 5] = alias.astype(np.uint32).view(np.float32)
+    directions = np.zeros((MAX_DIRECTIONAL_LIGHTS, 4), np.float32)
+    for index, light in enumerate(directional):
+        directions[index, :3] = _world_direction(light, camera_axes)
+    return LightTable(environment, directions, entries)
+
+
+def _world_direction(light: DirectionalLight, camera_axes: np.ndarray) -> np.ndarray:
+    direction = np.array(light.direction)
+    length = np.linalg.norm(direction)
+    if not length > 0:
+        raise InputError("render.lights: a directional light has direction zero.")
+    direction = direction / length
+    return direction @ camera_axes if light.relative_to == "camera" else direction
+
+
+def alias_table(probability: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Thresholds [1] and aliases: entry i stands for itself with chance threshold[i], else for alias[i].
+
+    Vose 1991. The pairing runs over two sorted stacks at Python speed only for what is left after each vector step:
+    every small entry takes its missing part from a large one, as many at once as there are of both.
+    """
+    count = len(probability)
+    weight = np.asarray(probability, np.float64) * count
+    threshold, alias = np.ones(count), np.arange(count)
+    small, large = np.flatnonzero(weight < 1), np.flatnonzero(weight >= 1)
+    while len(small) and len(large):
+        pairs = min(len(small), len(large))
+        s, l_ = small[:pairs], large[:pairs]
+        threshold[s], alias[s] = weight[s], l_
+        weight[l_] -= 1 - weight[s]
+        still_large = weight[l_] >= 1
+        small = np.concatenate([small[pairs:], l_[~still_large]])
+        large = np.concatenate([large[pairs:], l_[still_large]])
+    # what is left differs from 1 by rounding only
+    return threshold, alias

@@ -1,0 +1,156 @@
+"""The render stage: a volume and its scattering in, a picture with statistics out."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+from weft.voxelize.grid import FiberVolume
+
+from .config import RenderConfig
+from .film import Film
+from .image import write_exr, write_preview
+from .kernel import Kernel, KernelOptions
+from .scene import Scattering, Scene, build_scene
+
+Progress = Callable[[float, str], None]
+PROGRESS_SECONDS = 0.25
+
+
+@dataclass(frozen=True)
+class RenderStatistics:
+    """What a picture cost, and what to distrust in it."""
+
+    paths: int
+    scattering_events: int
+    tracking_steps: int
+    cut_paths: int
+    """Paths ended by `max_bounces`: where this is not small, the picture is too dark."""
+    broken_samples: int
+    """Samples that came out not finite and count as black; 0 unless something is wrong."""
+    majorant_violations: int
+    """Places denser than their bound, with delta tracking; 0 unless something is wrong."""
+    seconds: float
+    dispatches: int
+    longest_dispatch_seconds: float
+    device: str
+    device_bytes: int
+
+
+@dataclass(frozen=True)
+class RenderResult:
+    """The picture as named channels (see `Film.layers`), float32, shape [height, width]."""
+
+    config: RenderConfig
+    layers: dict[str, np.ndarray]
+    statistics: RenderStatistics
+
+    @property
+    def radiance(self) -> np.ndarray:
+        """Linear RGB, float32, shape [height, width, 3]."""
+        return np.stack([self.layers[name] for name in "RGB"], axis=-1)
+
+
+def run(
+    config: RenderConfig,
+    volume: FiberVolume,
+    scattering: Mapping[str, Scattering],
+    *,
+    progress: Progress | None = None,
+    options: KernelOptions | None = None,
+) -> RenderResult:
+    """Render `volume`, whose media scatter as `scattering` says by name (one entry serves all media)."""
+    from .gpu.context import device_name, shared_context
+
+    started = time.perf_counter()
+    scene = build_scene(config, volume, scattering)
+    context = shared_context()
+    kernel = Kernel(context, scene, options or KernelOptions())
+    try:
+        film = _expose(kernel, scene, progress)
+    finally:
+        kernel.release()
+    counts = kernel.counts
+    statistics = RenderStatistics(
+        paths=counts.samples,
+        scattering_events=counts.scattering_events,
+        tracking_steps=counts.steps,
+        cut_paths=counts.cut_paths,
+        broken_samples=counts.broken_samples,
+        majorant_violations=counts.majorant_violations,
+        seconds=time.perf_counter() - started,
+        dispatches=counts.dispatches,
+        longest_dispatch_seconds=counts.longest_dispatch_seconds,
+        device=device_name(context),
+        device_bytes=scene.pool.byte_count,
+    )
+    return RenderResult(config, film.layers(scene.pool.voxel_size_mm), statistics)
+
+
+def _expose(kernel: Kernel, scene: Scene, progress: Progress | None) -> Film:
+    """All samples of all pixels, in passes that fit the device."""
+    (width, height), spp = scene.config.resolution, scene.config.samples_per_pixel
+    options = kernel.options
+    film = Film.empty(width, height)
+    report = _Reporter(progress, width * height * spp)
+    for first in range(0, width * height, options.pixels_per_pass):
+        count = min(options.pixels_per_pass, width * height - first)
+        for begin in range(0, spp, options.samples_per_pass):
+            samples = range(begin, min(begin + options.samples_per_pass, spp))
+            film.add(first, kernel.trace(first, count, samples, tick=report.add))
+    film.samples = spp
+    return film
+
+
+class _Reporter:
+    """Passes finished samples on to a progress callback, a few times per second."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self.progress, self.total, self.done = progress, total, 0
+        self.started = self.last = time.perf_counter()
+
+    def add(self, samples: int) -> None:
+        self.done += samples
+        now = time.perf_counter()
+        if self.progress is None or (now - self.last < PROGRESS_SECONDS and self.done < self.total):
+            return
+        self.last = now
+        speed = self.done / max(now - self.started, 1e-9) / 1e6
+        self.progress(self.done / self.total, f"{self.done} of {self.total} paths, {speed:.3f} M/s")
+
+
+def save(result: RenderResult, path: str | Path) -> None:
+    """Write the picture: .exr with all layers, and a .png preview beside it (or only the preview for a .png path)."""
+    path = Path(path)
+    if path.suffix.lower() != ".png":
+        write_exr(path, result.layers, attributes(result))
+    write_preview(path.with_suffix(".png"), result.radiance, exposure=result.config.exposure)
+
+
+def attributes(result: RenderResult) -> dict[str, object]:
+    """Where the picture comes from, for the file's header."""
+    text = result.config.model_dump_json()
+    s = result.statistics
+    return {
+        "weft.version": _version(),
+        "weft.config": text,
+        "weft.configSha256": hashlib.sha256(text.encode()).hexdigest(),
+        "weft.samplesPerPixel": result.config.samples_per_pixel,
+        "weft.seed": str(result.config.seed),
+        "weft.device": s.device,
+        "weft.wallSeconds": float(s.seconds),
+        "weft.cutPaths": str(s.cut_paths),
+        "weft.extinction": result.config.extinction,
+    }
+
+
+def _version() -> str:
+    try:
+        return version("weft")
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,140 @@
+"""All that the kernel needs to know: volume, camera, lights, phase functions, and how they become GLSL."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.files.errors import InputError
+from weft.voxelize.grid import FiberVolume
+
+from .brick_pool import BrickPool, build_brick_pool
+from .camera import CameraFrame, place_camera
+from .config import RenderConfig
+from .gpu.shader_source import Constant
+from .lights import LightTable, build_light_table
+from .scattering_block import pack_scattering
+
+SHADOW_ROULETTE = 0.25
+"""Transmittance below which a shadow ray survives by roulette (shaders/path/segments.glsl)."""
+
+
+@dataclass(frozen=True)
+class IsotropicPhase:
+    """Isotropic scattering, for comparison with other renderers and with theory."""
+
+    albedo: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+Scattering = FiberScatteringParameters | IsotropicPhase
+
+
+@dataclass(frozen=True)
+class PhaseTable:
+    """The phase function of all media: its GLSL pieces and their parameters."""
+
+    piece: str
+    block: str
+    parameters: np.ndarray
+    constants: Mapping[str, Constant]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One picture to be made, on the host."""
+
+    config: RenderConfig
+    pool: BrickPool
+    camera: CameraFrame
+    light_table: LightTable
+    phase: PhaseTable
+
+    @property
+    def extinction_scale(self) -> np.ndarray:
+        """Extinction of volume fraction 1 across the fiber, per medium [1/voxel]."""
+        radius, size = self.pool.fiber_radius_mm, self.pool.voxel_size_mm
+        if self.config.extinction == "projected":
+            return 2 * size / (math.pi * radius)
+        if self.config.isotropic_extinction_per_mm is not None:
+            return np.full(len(radius), self.config.isotropic_extinction_per_mm * size)
+        return size / (2 * radius)
+
+    def constants(self) -> dict[str, Constant]:
+        """Compile-time options of the kernel."""
+        return {
+            "LAYER_COUNT": self.pool.layer_count,
+            "EXTINCTION_PROJECTED": self.config.extinction == "projected",
+            "TRACKING_DELTA": self.config.tracking == "delta",
+            "SHADOW_ROULETTE": SHADOW_ROULETTE,
+            "SAMPLE_LIGHTS": self.config.sampling != "phase",
+            "SAMPLE_PHASE": self.config.sampling != "lights",
+            "RANDOM_PHILOX": 0,
+            **self.phase.constants,
+        }
+
+    def pieces(self) -> dict[str, str]:
+        """GLSL chosen or made for this scene."""
+        return {
+            "generated/track.glsl": f'#include "medium/track_{self.config.tracking}.glsl"\n',
+            "generated/phase.glsl": f'#include "{self.phase.piece}"\n',
+            "generated/phase_block.glsl": self.phase.block,
+        }
+
+    def uniforms(self) -> dict[str, object]:
+        """Uniforms that hold for the whole picture; lengths in voxels."""
+        config, pool, camera = self.config, self.pool, self.camera
+        rows = len(self.light_table.environment)
+        scale = 1.0 if camera.perspective else 1 / pool.voxel_size_mm
+        offset = config.self_shadow_offset_fibers * float(pool.fiber_radius_mm.max()) / pool.voxel_size_mm
+        from_environment = config.background == "environment"
+        return {
+            "grid_cells": pool.cells.shape,
+            "seed": config.seed,
+            "image_size": config.resolution,
+            "max_bounces": config.max_bounces,
+            "roulette_start": config.roulette_start,
+            "start_offset": offset,
+            "background": (0.0, 0.0, 0.0, 1.0) if from_environment else (*config.background, 0.0),
+            "camera_perspective": int(camera.perspective),
+            "camera_position": tuple((camera.position - pool.corner_mm) / pool.voxel_size_mm),
+            "camera_forward": tuple(camera.forward),
+            "camera_right": tuple(camera.right * scale),
+            "camera_up": tuple(camera.up * scale),
+            "environment_size": (2 * rows, rows),
+            "light_count": len(self.light_table.entries),
+            "directional_lights": [tuple(row) for row in self.light_table.directions.tolist()],
+        }
+
+
+def build_scene(config: RenderConfig, volume: FiberVolume, scattering: Mapping[str, Scattering]) -> Scene:
+    """Put volume, camera and lights together. Raises `InputError` for what cannot be rendered."""
+    phase = build_phase_table(volume.media, scattering)
+    pool = build_brick_pool(list(volume.grids.values()))
+    camera = place_camera(config.camera, np.asarray(volume.bounds_mm), config.resolution)
+    return Scene(config, pool, camera, build_light_table(config.lights, camera.axes), phase)
+
+
+def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scattering]) -> PhaseTable:
+    """Scattering of the media in their order; one set serves all where only one is given."""
+    if len(scattering) == 1 and len(media) >= 1:
+        chosen = list(scattering.values()) * len(media)
+    elif missing := [name for name in media if name not in scattering]:
+        raise InputError(
+            f"render: no scattering for medium {', '.join(missing)}; given are {', '.join(scattering) or 'none'}."
+        )
+    else:
+        chosen = [scattering[name] for name in media]
+    if all(isinstance(one, IsotropicPhase) for one in chosen):
+        albedo = np.array([[*one.albedo, 0.0] for one in chosen], np.float32)
+        return PhaseTable("path/phase_isotropic.glsl", _block("vec4"), albedo, {})
+    if not all(isinstance(one, FiberScatteringParameters) for one in chosen):
+        raise InputError("render: isotropic and fiber scattering cannot be mixed in one picture.")
+    block = '#include "phase/fiber_block.glsl"\n' + _block("FiberScattering")
+    return PhaseTable("path/phase_fiber.glsl", block, pack_scattering(chosen), {"MEDIUM_COUNT": len(chosen)})
+
+
+def _block(struct: str) -> str:
+    return f"layout(std430, binding = 6) readonly buffer PhaseMedia {{ {struct} phase_media[]; }};\n"

@@ -1,0 +1,48 @@
+// All lights in one alias table (Walker 1977): one entry per texel of the latitude-longitude environment, then one
+// per directional light. Radiance is constant in a texel, so the sampled density is exactly the evaluated one.
+// Up is +y; column 0 starts at -z and goes toward +x, as in Mitsuba 3 (renderer/environment.py).
+// Needs from the program: lights[] (per entry: vec4(radiance, pdf), vec4(threshold, alias, 0, 0)), light_count,
+// environment_size (columns, rows), directional_lights[].
+
+#include "math/constants.glsl"
+
+struct LightSample {
+    vec3 direction;  // toward the light
+    vec3 value;      // radiance / pdf, or irradiance / probability
+    float pdf;       // [1/sr]; 0 for a directional light, which no phase function sample can hit
+};
+
+uint environment_texel(vec3 direction) {
+    float u = atan(direction.x, -direction.z) * (0.5 / PI);
+    float v = acos(clamp(direction.y, -1.0, 1.0)) * (1.0 / PI);
+    ivec2 place = ivec2(floor(vec2(u - floor(u), v) * vec2(environment_size)));
+    place = clamp(place, ivec2(0), environment_size - 1);
+    return uint(place.y * environment_size.x + place.x);
+}
+
+// Radiance from `direction`, and in w the density with which light_sample chooses it [1/sr].
+vec4 environment_eval(vec3 direction) {
+    return lights[2u * environment_texel(direction)];
+}
+
+LightSample light_sample(uvec2 choice, vec2 u) {
+    // a 64-bit choice: the high word picks the entry exactly evenly, the low one picks between it and its alias
+    uint high;
+    uint low;
+    umulExtended(choice.x, light_count, high, low);
+    vec4 link = lights[2u * high + 1u];
+    uint entry = float(choice.y >> 8u) * 5.9604644775390625e-8 < link.x ? high : floatBitsToUint(link.y);
+    vec4 radiance = lights[2u * entry];
+    uint texel_count = uint(environment_size.x * environment_size.y);
+    if (entry >= texel_count) {
+        vec3 direction = directional_lights[entry - texel_count].xyz;
+        return LightSample(direction, radiance.rgb / radiance.w, 0.0);
+    }
+    uint row = entry / uint(environment_size.x);
+    uint column = entry - row * uint(environment_size.x);
+    vec2 edges = cos(vec2(row, row + 1u) * (PI / float(environment_size.y)));
+    float y = mix(edges.x, edges.y, u.y);
+    float phi = (float(column) + u.x) * (2.0 * PI / float(environment_size.x));
+    float radius = sqrt(max(1.0 - y * y, 0.0));
+    return LightSample(vec3(radius * sin(phi), y, -radius * cos(phi)), radiance.w > 0.0 ? radiance.rgb / radiance.w : vec3(0.0), radiance.w);
+}

@@ -1,0 +1,24 @@
+// Regular tracking: extinction is constant in a voxel (nearest lookup), so optical depth is summed exactly.
+#include "medium/stepping.glsl"
+#include "path/segments.glsl"
+
+void track(inout Path p) {
+    Cell cell = exact_cell(p.voxel, p.direction);
+    ivec3 next;
+    float t_exit = max(leave_box(cell.lower, cell.upper, p.origin, p.direction, next), p.t);
+    float depth = cell.extinction * (t_exit - p.t);
+    bool shadow = p.mode == MODE_SHADOW;
+    if (p.depth_left < depth) {
+        p.t += p.depth_left / cell.extinction;
+        p.mode = MODE_COLLISION;
+        if (shadow) start_flight(p);
+        return;
+    }
+    p.depth_left -= depth;
+    p.t = t_exit;
+    p.voxel = next;
+    if (is_outside(next)) {
+        p.mode = MODE_ESCAPED;
+        if (shadow) end_shadow(p, max(exp(p.depth_left - p.shadow_depth), SHADOW_ROULETTE));
+    }
+}

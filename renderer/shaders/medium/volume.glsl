@@ -1,0 +1,117 @@
+// Looking up the two-level grid (renderer/brick_pool.py): the box around a voxel in which extinction is constant.
+// Needs from the program: cells[], bricks[], voxel_word(brick, voxel), grid_cells (cells along x, y, z).
+#include "math/hemi_octahedral.glsl"
+#constant LAYER_COUNT
+#constant EXTINCTION_PROJECTED
+
+const uint EMPTY_CELL = 0x80000000u;
+
+// Twin: decode_axis in renderer/direction_encoding.py.
+vec3 decode_axis(uint word) {
+    return hemi_octahedral_decode(vec2((word >> 10) & 1023u, word & 1023u) * (1.0 / 1022.0));
+}
+
+struct Cell {
+    ivec3 lower;       // first voxel of the box
+    ivec3 upper;       // one past its last
+    float extinction;  // for the given direction [1/voxel]; in a majorant cell, a bound on it
+};
+
+bool is_outside(ivec3 voxel) {
+    return any(lessThan(voxel, ivec3(0))) || any(greaterThanEqual(voxel, grid_cells * 8));
+}
+
+uint cell_word(ivec3 cell) {
+    return cells[uint((cell.x * grid_cells.y + cell.y) * grid_cells.z + cell.z)];
+}
+
+Cell empty_cells(ivec3 cell, uint word) {
+    int radius = int(word & 0xffffu);
+    return Cell((cell - radius) * 8, (cell + radius + 1) * 8, 0.0);
+}
+
+uint voxel_index(ivec3 voxel) {
+    ivec3 local = voxel & 7;
+    return uint((local.x * 8 + local.y) * 8 + local.z);
+}
+
+// Extinction of one stored voxel [1/voxel]: (2 phi / (pi a)) sin(angle to the fiber), or phi times a scale.
+float voxel_extinction(uint word, float extinction_per_level, vec3 direction) {
+    float extinction = float(word >> 20) * extinction_per_level;
+#if EXTINCTION_PROJECTED
+    float cosine = dot(decode_axis(word), direction);
+    extinction *= sqrt(max(1.0 - cosine * cosine, 0.0));
+#endif
+    return extinction;
+}
+
+// Exact: a voxel with fiber, or the box without any around it.
+Cell exact_cell(ivec3 voxel, vec3 direction) {
+    ivec3 cell = voxel >> 3;
+    uint word = cell_word(cell);
+    if (word >= EMPTY_CELL) return empty_cells(cell, word);
+    uint first = word & 0x0fffffffu;
+    uint layers = (word >> 28) + 1u;
+    uint index = voxel_index(voxel);
+    float extinction = 0.0;
+    int radius = 7;
+    for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
+        if (layer < layers) {
+            uint stored = voxel_word(first + layer, index);
+            bool occupied = (stored >> 20) != 0u;
+            radius = min(radius, occupied ? 0 : int(stored & 7u));
+            extinction += occupied
+                ? voxel_extinction(stored, uintBitsToFloat(bricks[first + layer].x), direction) : 0.0;
+        }
+    }
+    ivec3 corner = cell * 8;
+    return Cell(max(voxel - radius, corner), min(voxel + radius + 1, corner + 8), extinction);
+}
+
+// Bound of the whole brick, or the box of empty cells.
+Cell majorant_cell(ivec3 voxel) {
+    ivec3 cell = voxel >> 3;
+    uint word = cell_word(cell);
+    if (word >= EMPTY_CELL) return empty_cells(cell, word);
+    uint first = word & 0x0fffffffu;
+    uint layers = (word >> 28) + 1u;
+    float majorant = 0.0;
+    for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
+        if (layer < layers) {
+            uvec2 brick = bricks[first + layer];
+            majorant += uintBitsToFloat(brick.x) * float(brick.y >> 16);
+        }
+    }
+    // rounded up: the sum above and the one over a voxel may round differently
+    return Cell(cell * 8, cell * 8 + 8, majorant * (1.0 + 1e-6));
+}
+
+// The medium met at a collision, chosen in proportion to extinction by u in [0, 1); `axis` is its fiber direction.
+uint choose_medium(ivec3 voxel, vec3 direction, float u, out vec3 axis) {
+    uint word = cell_word(voxel >> 3);
+    uint first = word & 0x0fffffffu;
+    uint layers = (word >> 28) + 1u;
+    uint index = voxel_index(voxel);
+    uint stored[LAYER_COUNT];
+    float extinction[LAYER_COUNT];
+    float sum = 0.0;
+    for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
+        bool used = layer < layers;
+        stored[layer] = used ? voxel_word(first + layer, index) : 0u;
+        extinction[layer] = used && (stored[layer] >> 20) != 0u
+            ? voxel_extinction(stored[layer], uintBitsToFloat(bricks[first + layer].x), direction) : 0.0;
+        sum += extinction[layer];
+    }
+    float target = u * sum;
+    uint medium = 0u;
+    uint chosen = 0u;
+    for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
+        if (extinction[layer] > 0.0 && target >= 0.0) {
+            chosen = stored[layer];
+            medium = bricks[first + layer].y & 0xffffu;
+        }
+        target -= extinction[layer];
+    }
+    axis = decode_axis(chosen);
+    return medium;
+}

@@ -1,0 +1,55 @@
+// The beginning and the end of a sample: a camera ray, and what the finished path adds to its pixel.
+#include "camera/camera.glsl"
+#include "path/scatter.glsl"
+
+const uint NO_PIXEL = 0xffffffffu;
+
+// Light met on leaving the volume; a path that ran into nothing sees the background.
+vec3 escaped_radiance(Path p) {
+    vec4 environment = environment_eval(p.direction);
+    if (p.bounce == 0u) return background.w > 0.0 ? environment.rgb : background.rgb;
+    return p.throughput * environment.rgb * phase_weight(environment.w, p.phase_pdf);
+}
+
+void finish_sample(inout Path p) {
+    p.radiance += escaped_radiance(p);
+    bool broken = any(isnan(p.radiance)) || any(isinf(p.radiance));
+    broken_samples += uint(broken);
+    film_add_sample(film_pixel(p.rng.x), broken ? vec3(0.0) : p.radiance, p.bounce > 0u ? 1.0 : 0.0);
+    finished_samples += 1u;
+    p.mode = MODE_IDLE;
+}
+
+void start_camera_ray(inout Path p) {
+    uvec4 shift = pcg4d(uvec4(p.rng.x, 0xffffffffu, 0u, seed));
+    vec2 pixel = vec2(p.rng.x % image_size.x, p.rng.x / image_size.x);
+    vec2 place = (pixel + pixel_jitter(p.rng.y, shift.xy)) / vec2(image_size) * 2.0 - 1.0;
+    camera_ray(vec2(place.x, -place.y), p.origin, p.direction);
+    p.direction = without_zeros(p.direction);
+    p.radiance = vec3(0.0);
+    p.throughput = vec3(1.0);
+    p.bounce = 0u;
+    p.phase_pdf = 0.0;
+    p.rng.z = 0u;
+    p.depth_left = exponential(random_words(p.rng).x);
+    p.next_free = p.depth_left;
+    vec3 size = vec3(grid_cells * 8);
+    p.t = enter_box(size, p.origin, p.direction);
+    p.voxel = clamp(ivec3(floor(p.origin + p.direction * p.t)), ivec3(0), grid_cells * 8 - 1);
+    p.mode = p.t < 0.0 ? MODE_ESCAPED : MODE_FLIGHT;
+}
+
+// The next sample of the lane's pixel, or the first one of the next pixel nobody has taken.
+void start_sample(inout Path p) {
+    p.rng.y += 1u;
+    if (p.rng.x == NO_PIXEL || p.rng.y >= sample_end) {
+        uint taken = atomicAdd(counters[COUNTER_PIXEL], 1u);
+        p.rng.x = first_pixel + taken;
+        p.rng.y = sample_begin;
+        if (taken >= film_pixel_count) {
+            p.mode = MODE_DONE;
+            return;
+        }
+    }
+    start_camera_ray(p);
+}

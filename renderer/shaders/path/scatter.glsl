@@ -1,0 +1,67 @@
+// One scattering event: a light is chosen and a shadow ray sent to it, and a new direction is sampled.
+#include "math/frames.glsl"
+#include "generated/phase.glsl"
+#include "light/lights.glsl"
+#include "film/film.glsl"
+#include "medium/stepping.glsl"
+#include "path/segments.glsl"
+#constant SAMPLE_LIGHTS
+#constant SAMPLE_PHASE
+
+// Balance heuristic between light sampling and phase function sampling.
+float light_weight(float light_pdf, float phase_pdf) {
+#if SAMPLE_LIGHTS && SAMPLE_PHASE
+    return light_pdf > 0.0 ? light_pdf / (light_pdf + phase_pdf) : 1.0;
+#else
+    return light_pdf > 0.0 ? float(SAMPLE_LIGHTS) : 1.0;
+#endif
+}
+
+float phase_weight(float light_pdf, float phase_pdf) {
+    return 1.0 - (light_pdf > 0.0 ? light_weight(light_pdf, phase_pdf) : 0.0);
+}
+
+// Survival in proportion to the throughput, never below 5 %, so that weights stay bounded.
+void roulette(inout Path p, uint bits) {
+    float survival = clamp(max(p.throughput.x, max(p.throughput.y, p.throughput.z)), 0.05, 1.0);
+    bool survives = unit_float(bits) < survival;
+    p.throughput = survives ? p.throughput / survival : vec3(0.0);
+}
+
+void scatter(inout Path p) {
+    uvec4 bits = random_words(p.rng);
+    vec3 axis;
+    uint medium = choose_medium(p.voxel, p.direction, unit_float(bits.x), axis);
+    mat3 frame = fiber_frame(axis);
+    Phase phase = phase_at(medium, -p.direction * frame);
+    if (p.bounce == 0u) {
+        film_add_first_scattering(film_pixel(p.rng.x), p.t, film_axis(axis), phase_albedo(phase));
+    }
+    if (p.bounce >= max_bounces) {
+        cut_paths += 1u;
+        p.mode = MODE_ESCAPED;
+        p.throughput = vec3(0.0);
+        return;
+    }
+    p.bounce += 1u;
+    p.origin = p.origin + p.direction * p.t;
+    p.origin_voxel = p.voxel;
+
+    uvec4 light_bits = random_words(p.rng);
+    LightSample light = light_sample(light_bits.xy, unit_interval(light_bits).zw);
+    float eval_pdf;
+    vec3 value = phase_eval(phase, light.direction * frame, eval_pdf);
+    vec3 carried = p.throughput * value * light.value * light_weight(light.pdf, eval_pdf);
+
+    vec3 weight;
+    vec3 wi = phase_sample(phase, p.rng, weight, p.phase_pdf);
+    p.throughput *= weight;
+    p.next_direction = without_zeros(normalize(frame * wi));
+    p.next_depth = exponential(bits.y);
+    if (p.bounce >= roulette_start) roulette(p, bits.z);
+    if (max(carried.x, max(carried.y, carried.z)) > 0.0) {
+        start_shadow(p, without_zeros(light.direction), carried, bits.w);
+    } else {
+        start_flight(p);
+    }
+}

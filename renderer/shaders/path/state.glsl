@@ -1,0 +1,93 @@
+// The state of one lane, and its place in the state buffer between dispatches. Everything a path depends on is
+// saved bit by bit, so cutting a path into dispatches changes nothing.
+// Needs from the program: states[], lane_count, seed.
+#include "rng/random.glsl"
+
+// 32 random bits each; moves the sample on by one dimension.
+uvec4 random_words(inout uvec4 rng) {
+    uvec4 bits = random_bits(rng);
+    rng.z += 1u;
+    return bits;
+}
+
+// [0, 1), 24 bits.
+float unit_float(uint bits) {
+    return float(bits >> 8u) * 5.9604644775390625e-8;
+}
+
+// Exponential with mean 1. From all 32 bits, so that the tail reaches 22.9; never infinite.
+float exponential(uint bits) {
+    return -log((float(bits) + 0.5) * 2.3283064365386963e-10);
+}
+
+const uint MODE_FLIGHT = 0u;     // looking for the next collision
+const uint MODE_SHADOW = 1u;     // on the way to a light
+const uint MODE_COLLISION = 2u;  // a scattering event is due
+const uint MODE_ESCAPED = 3u;    // left the volume
+const uint MODE_IDLE = 4u;       // needs a new sample
+const uint MODE_DONE = 5u;       // no samples left
+
+struct Path {
+    vec3 origin;         // of the segment [voxels]
+    float t;             // along the segment [voxels]
+    vec3 direction;
+    float depth_left;    // optical depth left before the collision, or before a shadow ray is given up
+    vec3 throughput;
+    float phase_pdf;     // of `direction` as phase function sampling chose it [1/sr]
+    vec3 next_direction; // of the flight that follows the shadow ray
+    float next_depth;    // its free optical depth
+    vec3 light;          // what the shadow ray carries if nothing is in its way
+    float shadow_depth;  // depth_left when it started
+    vec3 radiance;       // of this sample so far
+    uint mode;
+    ivec3 voxel;         // where t is
+    uint bounce;         // scattering events so far
+    ivec3 origin_voxel;
+    uvec4 rng;           // pixel, sample, dimension, seed; see rng/random.glsl
+    float next_free;     // delta tracking: optical depth to the next tentative collision
+};
+
+const uint STATE_WORDS = 9u;  // uvec4 per lane; renderer/kernel.py allocates them
+
+Path load_path(uint lane) {
+    uvec4 w0 = states[lane];
+    uvec4 w1 = states[lane + lane_count];
+    uvec4 w2 = states[lane + lane_count * 2u];
+    uvec4 w3 = states[lane + lane_count * 3u];
+    uvec4 w4 = states[lane + lane_count * 4u];
+    uvec4 w5 = states[lane + lane_count * 5u];
+    uvec4 w6 = states[lane + lane_count * 6u];
+    uvec4 w7 = states[lane + lane_count * 7u];
+    uvec4 w8 = states[lane + lane_count * 8u];
+    Path p;
+    p.origin = uintBitsToFloat(w0.xyz);
+    p.t = uintBitsToFloat(w0.w);
+    p.direction = uintBitsToFloat(w1.xyz);
+    p.depth_left = uintBitsToFloat(w1.w);
+    p.throughput = uintBitsToFloat(w2.xyz);
+    p.phase_pdf = uintBitsToFloat(w2.w);
+    p.next_direction = uintBitsToFloat(w3.xyz);
+    p.next_depth = uintBitsToFloat(w3.w);
+    p.light = uintBitsToFloat(w4.xyz);
+    p.shadow_depth = uintBitsToFloat(w4.w);
+    p.radiance = uintBitsToFloat(w5.xyz);
+    p.mode = w5.w;
+    p.voxel = ivec3(w6.xyz);
+    p.bounce = w6.w;
+    p.origin_voxel = ivec3(w7.xyz);
+    p.rng = uvec4(w8.x, w8.y, w7.w, seed);
+    p.next_free = uintBitsToFloat(w8.z);
+    return p;
+}
+
+void store_path(uint lane, Path p) {
+    states[lane] = uvec4(floatBitsToUint(p.origin), floatBitsToUint(p.t));
+    states[lane + lane_count] = uvec4(floatBitsToUint(p.direction), floatBitsToUint(p.depth_left));
+    states[lane + lane_count * 2u] = uvec4(floatBitsToUint(p.throughput), floatBitsToUint(p.phase_pdf));
+    states[lane + lane_count * 3u] = uvec4(floatBitsToUint(p.next_direction), floatBitsToUint(p.next_depth));
+    states[lane + lane_count * 4u] = uvec4(floatBitsToUint(p.light), floatBitsToUint(p.shadow_depth));
+    states[lane + lane_count * 5u] = uvec4(floatBitsToUint(p.radiance), p.mode);
+    states[lane + lane_count * 6u] = uvec4(uvec3(p.voxel), p.bounce);
+    states[lane + lane_count * 7u] = uvec4(uvec3(p.origin_voxel), p.rng.z);
+    states[lane + lane_count * 8u] = uvec4(p.rng.x, p.rng.y, floatBitsToUint(p.next_free), 0u);
+}

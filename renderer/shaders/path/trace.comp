@@ -1,0 +1,80 @@
+// The volumetric path tracer. Each lane carries one path and works for a fixed number of rounds; a round is a few
+// tracking steps and then at most one costly event. (llvmpipe executes every branch of a loop body at every
+// iteration, taken or not, so costly events have to wait outside the tracking loop.)
+#version 430
+#constant GROUP_SIZE
+#constant STEPS_PER_ROUND
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(std430, binding = 0) readonly buffer Cells { uint cells[]; };
+layout(std430, binding = 1) readonly buffer Bricks { uvec2 bricks[]; };  // extinction per level; medium, top level
+layout(std430, binding = 2) buffer States { uvec4 states[]; };
+layout(std430, binding = 3) buffer Film { vec4 film[]; };
+layout(std430, binding = 4) readonly buffer Lights { vec4 lights[]; };
+layout(std430, binding = 5) buffer Counters { uint counters[]; };
+#include "generated/phase_block.glsl"  // binding 6
+
+uniform ivec3 grid_cells;
+uniform uint lane_count;
+uniform uint round_count;
+uniform uint seed;
+uniform uvec2 image_size;
+uniform uint first_pixel;
+uniform uint film_pixel_count;
+uniform uint sample_begin;
+uniform uint sample_end;
+uniform uint max_bounces;
+uniform uint roulette_start;
+uniform float start_offset;  // of segments after a scattering event [voxels]
+uniform vec4 background;     // color; w > 0: the environment instead
+uniform int camera_perspective;
+uniform vec3 camera_position;
+uniform vec3 camera_forward;
+uniform vec3 camera_right;
+uniform vec3 camera_up;
+uniform ivec2 environment_size;
+uniform uint light_count;
+uniform vec4 directional_lights[16];
+
+const uint COUNTER_PIXEL = 0u;
+
+uint track_steps = 0u;
+uint scattering_events = 0u;
+uint finished_samples = 0u;
+uint cut_paths = 0u;
+uint broken_samples = 0u;
+uint majorant_violations = 0u;
+
+uint film_pixel(uint pixel) {
+    return pixel - first_pixel;
+}
+
+#include "generated/voxel_pages.glsl"
+#include "generated/track.glsl"
+#include "path/samples.glsl"
+
+void main() {
+    uint lane = gl_GlobalInvocationID.x;
+    Path path = load_path(lane);
+    for (uint r = 0u; r < round_count && path.mode != MODE_DONE; ++r) {
+        for (uint i = 0u; i < uint(STEPS_PER_ROUND) && path.mode <= MODE_SHADOW; ++i) {
+            track(path);
+            track_steps += 1u;
+        }
+        if (path.mode == MODE_COLLISION) {
+            scatter(path);
+            scattering_events += 1u;
+        }
+        if (path.mode == MODE_ESCAPED) finish_sample(path);
+        if (path.mode == MODE_IDLE) start_sample(path);
+    }
+    store_path(lane, path);
+    atomicAdd(counters[1], track_steps);
+    atomicAdd(counters[2], scattering_events);
+    atomicAdd(counters[3], finished_samples);
+    atomicAdd(counters[4], cut_paths);
+    atomicAdd(counters[5], broken_samples);
+    atomicAdd(counters[6], majorant_violations);
+    atomicAdd(counters[7], uint(path.mode != MODE_DONE));
+}
