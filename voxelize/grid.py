@@ -59,7 +59,7 @@ class FiberGrid:
 
     @cached_property
     def masks(self) -> np.ndarray:
-        """Which voxels hold fiber, uint64, shape [brick_count, 8]: bit (y * 8 + z) of word x, as in OpenVDB."""
+        """Which voxels hold fiber, uint64, shape [brick_count, 8]: bit (y * 8 + z) of word x."""
         return np.packbits(self.density > 0, axis=1, bitorder="little").view("<u8")
 
     @cached_property
@@ -77,7 +77,7 @@ class FiberGrid:
         return np.stack([low, high]) * self.voxel_size_mm
 
     def check_values(self) -> None:
-        """Raise `ValueError` unless densities are finite, and directions unit where there is fiber, else zero."""
+        """Raise `ValueError` unless densities are finite, and directions unit where there is fiber."""
         if not np.isfinite(self.density).all() or (self.density < 0).any():
             raise ValueError("density holds values that are negative or not finite")
         squared = np.einsum("bvc,bvc->bv", self.direction, self.direction)

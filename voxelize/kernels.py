@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Warp kernels: exact clipping of fiber segments against voxel faces, then density and direction.
 
 Amanatides and Woo 1987, walked along the segment: every voxel receives the length l of the piece inside it
@@ -220,8 +221,8 @@ def accumulate_fibers(
 
 @wp.func
 def axis_in_plane(diagonal: wp.vec3d, row_x: wp.vec3d, row_y: wp.vec3d, row_z: wp.vec3d):
-    """Where two largest eigenvalues are equal, any axis in their plane will do: the one nearest the coordinate
-    axis of the largest diagonal element. The rows of A - lambda I are all normal to that plane.
+    """The axis of two equal largest eigenvalues: any in their plane; this is the one nearest the coordinate
+    axis of the largest diagonal element. The rows of A - lambda I are normal to the plane.
     """
     normal = row_x
     if wp.length_sq(row_y) > wp.length_sq(normal):

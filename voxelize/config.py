@@ -1,0 +1,40 @@
+"""Settings of the voxel stage."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+Corner = tuple[float, float, float]
+
+
+class VoxelizeConfig(BaseModel):
+    """Fibers to a sparse grid of density and direction."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+    voxel_size_mm: float = Field(gt=0)
+    """Edge of a voxel. Memory grows as it shrinks; below the fiber diameter the density turns spiky."""
+    region_mm: tuple[Corner, Corner] | None = None
+    """Only what lies in this box, [[x0, y0, z0], [x1, y1, z1]], widened to whole voxels. Default: all."""
+    memory_mb: float | None = Field(default=None, gt=0)
+    """Refuse to start when more memory than this would be needed. Default: what the machine has free."""
+    tile_voxels: int = Field(default=128, ge=8, le=256, multiple_of=8)
+    """Voxels along the edge of the cube that one worker fills at a time. It changes no bit of the result."""
+    formats: tuple[Literal["vdb", "nvdb"], ...] = ("vdb",)
+    """Files to write: "vdb" (needs OpenVDB), "nvdb", or both; none keeps the grid in the cache only."""
+
+    @field_validator("region_mm")
+    @classmethod
+    def _region_has_volume(cls, region: tuple[Corner, Corner] | None) -> tuple[Corner, Corner] | None:
+        if region is not None and not all(low < high for low, high in zip(*region, strict=True)):
+            raise ValueError(f"the first corner must lie below the second on every axis, got {region}")
+        return region
+
+    @field_validator("formats")
+    @classmethod
+    def _formats_differ(cls, formats: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(formats)) < len(formats):
+            raise ValueError(f"a format is named twice: {list(formats)}")
+        return formats

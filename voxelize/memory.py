@@ -1,0 +1,89 @@
+"""Whether a voxelization fits in memory, known before it begins."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from weft.files.errors import InputError
+
+from .grid import BRICK_SIZE, BRICK_VOXELS
+from .tiles import VoxelBox, cells_touched, clip_boxes, voxel_boxes
+
+BRICK_BYTES = BRICK_VOXELS * (4 + 12) + 12
+"""Density, direction and origin of one brick."""
+
+MAX_CELL_PAIRS = 4_000_000
+"""Pairs of box and cell looked at in the estimate; larger cells are taken until there are fewer."""
+
+
+def available_memory_bytes() -> int:
+    """What can be had without swapping: /proc/meminfo, and the limit of the control group if there is one."""
+    amounts = [_proc_available(), _cgroup_available("memory.max", "memory.current")]
+    amounts.append(_cgroup_available("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"))
+    known = [amount for amount in amounts if amount is not None]
+    return min(known) if known else 2**62
+
+
+def _proc_available() -> int | None:
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        return None
+    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")), None)
+
+
+def _cgroup_available(limit_name: str, usage_name: str) -> int | None:
+    root = Path("/sys/fs/cgroup")
+    try:
+        limit, usage = (root / limit_name).read_text().strip(), (root / usage_name).read_text().strip()
+    except OSError:
+        return None
+    return None if limit == "max" else max(int(limit) - int(usage), 0)
+
+
+def estimate_brick_count(bounds_mm: np.ndarray, *, voxel_size_mm: float, region: VoxelBox) -> float:
+    """An upper bound of the bricks that fibers in the boxes [n, 2, 3] touch: the bricks in their union."""
+    _, low, high = clip_boxes(*voxel_boxes(bounds_mm, voxel_size_mm), region)
+    if not len(low):
+        return 0.0
+    cell = BRICK_SIZE
+    while ((high - low) / cell + 1.0).prod(axis=1).sum() > MAX_CELL_PAIRS:
+        cell *= 2
+        if cell > (high - low).max():
+            break
+    _, cells = cells_touched(low, high, cell)
+    extent = (cells.max(axis=0) - cells.min(axis=0) + 1).astype(np.int64)
+    keys = ((cells - cells.min(axis=0)) @ np.array([extent[1] * extent[2], extent[2], 1])).astype(np.int64)
+    return float(len(np.unique(keys))) * (cell / BRICK_SIZE) ** 3
+
+
+def refuse_what_does_not_fit(
+    brick_count: float, *, fixed_bytes: float, voxel_size_mm: float, memory_mb: float | None
+) -> None:
+    """Raise `InputError` when the bricks, held once and a quarter, and the tiles in work need too much."""
+    available = available_memory_bytes()
+    if memory_mb is not None:
+        available = min(available, int(memory_mb * 2**20))
+    needed = fixed_bytes + 1.25 * brick_count * BRICK_BYTES
+    if needed <= available:
+        return
+    room = max(available - fixed_bytes, 0.05 * available)
+    coarser = voxel_size_mm * ((needed - fixed_bytes) / room) ** (1 / 3)
+    raise InputError(
+        f"voxelize: voxels of {voxel_size_mm:g} mm may need {_gibibytes(needed)} "
+        f"but {_gibibytes(available)} are available; "
+        f"set voxelize.voxel_size_mm to {_round_up(coarser):g} or more, or a smaller voxelize.region_mm"
+        + (", or raise voxelize.memory_mb." if memory_mb is not None else ".")
+    )
+
+
+def _gibibytes(count: float) -> str:
+    return f"{count / 2**30:.3g} GiB" if count < 1e15 else f"{count / 2**30:.0e} GiB"
+
+
+def _round_up(value: float) -> float:
+    """Up to two significant digits."""
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / scale) * scale
