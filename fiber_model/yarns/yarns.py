@@ -16,6 +16,9 @@ MIN_POINTS = 4
 MAX_COORDINATE_MM = 1e7
 """Ten kilometers: larger coordinates are a wrong unit or a corrupt file."""
 
+MAX_POINTS = 100_000_000
+"""Control points that a generator or reader may make: 2.4 GB of coordinates."""
+
 
 @dataclass(frozen=True)
 class YarnSet:
@@ -146,6 +149,12 @@ def concatenate(yarn_sets: Sequence[YarnSet]) -> YarnSet:
             [yarns.surface_uv for yarns in yarn_sets], [(y.point_count, 2) for y in yarn_sets], 0.0
         ),
     )
+
+
+def refuse_too_many_points(count: int, what: str, *, path: str | Path | None = None) -> None:
+    """Raise before allocating more control points than `MAX_POINTS`."""
+    if count > MAX_POINTS:
+        raise InputError(f"{what} would have {count:,} control points; at most {MAX_POINTS:,} fit", path=path)
 
 
 def _joined(parts: list[np.ndarray | None], shapes: list[tuple[int, ...]], fill: float) -> np.ndarray | None:

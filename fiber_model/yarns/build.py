@@ -1,0 +1,97 @@
+"""The yarn stage: from a config to a set of yarns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from weft.files.errors import InputError
+
+from .bcc import read_bcc
+from .config import FileYarnsConfig, KnitConfig, TileConfig, WeaveConfig, YarnsConfig
+from .knit import knit_yarns
+from .obj_lines import read_obj_lines
+from .pyp import read_pyp
+from .tile import tile_yarns
+from .weave import weave_yarns
+from .yarn_file import load_yarns
+from .yarns import YarnSet
+
+Progress = Callable[[float, str], None]
+
+
+def run(config: YarnsConfig, *, progress: Progress | None = None) -> YarnSet:
+    """Read or generate the yarns that `config` asks for; `save` the result as .npz."""
+    match config:
+        case FileYarnsConfig():
+            yarns = _from_file(config)
+        case WeaveConfig():
+            yarns = _weave(config, progress)
+        case KnitConfig():
+            yarns = _knit(config, progress)
+        case TileConfig():
+            yarns = _tile(config, progress)
+        case _:
+            raise TypeError(f"not a yarn config: {config!r}")
+    if progress is not None:
+        progress(1.0, f"{yarns.yarn_count:,} yarns of {yarns.point_count:,} points")
+    return yarns
+
+
+def _from_file(config: FileYarnsConfig) -> YarnSet:
+    suffix = config.file.suffix.lower()
+    if suffix == ".npz":
+        yarns = load_yarns(config.file)
+        if config.radius_mm is None:
+            return yarns
+        return replace(yarns, radius=np.full(yarns.yarn_count, config.radius_mm))
+    if config.scale_to_mm is None or config.radius_mm is None:
+        raise InputError("needs scale_to_mm and radius_mm", path=config.file)
+    if suffix == ".bcc":
+        return read_bcc(
+            config.file,
+            scale_to_mm=config.scale_to_mm,
+            radius_mm=config.radius_mm,
+            type_name=config.type_name,
+        )
+    return read_obj_lines(
+        config.file,
+        scale_to_mm=config.scale_to_mm,
+        radius_mm=config.radius_mm,
+        up_axis={"y": 1, "z": 2}[config.up_axis],
+        type_name=config.type_name,
+    )
+
+
+def _weave(config: WeaveConfig, progress: Progress | None) -> YarnSet:
+    return weave_yarns(
+        config.size_mm,
+        draft=config.draft,
+        warp_per_cm=config.warp_per_cm,
+        weft_per_cm=config.weft_per_cm,
+        warp_radius_mm=config.warp_radius_mm,
+        weft_radius_mm=config.weft_radius_mm,
+        warp_crimp=config.warp_crimp,
+        type_names=tuple(config.type_names),
+        progress=progress,
+    )
+
+
+def _knit(config: KnitConfig, progress: Progress | None) -> YarnSet:
+    return knit_yarns(
+        config.size_mm,
+        stitch_width_mm=config.stitch_width_mm,
+        course_spacing_mm=config.course_spacing_mm,
+        radius_mm=config.radius_mm,
+        type_name=config.type_name,
+        progress=progress,
+    )
+
+
+def _tile(config: TileConfig, progress: Progress | None) -> YarnSet:
+    tile = read_pyp(config.tile, scale_to_mm=config.scale_to_mm)
+    if config.radius_mm is not None:
+        tile = replace(tile, radius=config.radius_mm)
+    return tile_yarns(tile, config.size_mm, type_name=config.type_name, source=config.tile, progress=progress)

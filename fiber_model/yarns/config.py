@@ -1,0 +1,117 @@
+"""What can be asked of `weft yarns`: yarns from a file, a weave, a knit, or a periodic tile."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from weft.files.input_file import InputFile
+
+Positive = Annotated[float, Field(gt=0, le=1e7, allow_inf_nan=False)]
+Size = tuple[Positive, Positive]
+TypeName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
+DraftName = Literal["plain", "twill_2_2", "satin_5", "satin_8"]
+DraftRow = Annotated[list[Literal[0, 1]], Field(min_length=1, max_length=256)]
+
+
+class _Config(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class FileYarnsConfig(_Config):
+    """Yarns from a .bcc or .obj file, or from an .npz file written by `weft yarns`."""
+
+    kind: Literal["file"]
+    file: InputFile
+    """Path to the file; its suffix tells the format."""
+    scale_to_mm: Positive | None = None
+    """Length of one unit of the file in mm. Needed for .bcc and .obj, which name no unit; .npz is in mm."""
+    radius_mm: Positive | None = None
+    """Yarn radius. Needed for .bcc and .obj, which hold none; replaces the radius of an .npz file."""
+    up_axis: Literal["y", "z"] = "y"
+    """Axis of an .obj file that points up; .bcc files name theirs."""
+    type_name: TypeName = "yarn"
+    """Name of the yarn type, and so of the medium it becomes; an .npz file keeps its own names."""
+
+    @model_validator(mode="after")
+    def _needs_unit_and_radius(self) -> Self:
+        suffix = self.file.suffix.lower()
+        if suffix not in (".bcc", ".obj", ".npz"):
+            hint = "; for a .pyp tile use kind = 'tile'" if suffix == ".pyp" else ""
+            raise ValueError(f"cannot read yarns from '{suffix}' files, only .bcc, .obj and .npz{hint}")
+        for key in ("scale_to_mm", "radius_mm"):
+            if suffix != ".npz" and getattr(self, key) is None:
+                raise ValueError(f"{suffix} files do not hold it, so '{key}' must be given")
+        if suffix == ".npz" and self.scale_to_mm is not None:
+            raise ValueError("an .npz yarn file is in mm; remove 'scale_to_mm'")
+        return self
+
+
+class WeaveConfig(_Config):
+    """A woven rectangle in the x, y plane around the origin: warp along y, weft along x, face toward +z."""
+
+    kind: Literal["weave"]
+    size_mm: Size
+    """Width (along x) and height (along y) of the cloth."""
+    draft: DraftName | Annotated[list[DraftRow], Field(min_length=1, max_length=256)] = "plain"
+    """A named weave, or rows of 0 and 1, top row first as seen on the face; 1 where the warp lies on top."""
+    warp_per_cm: Positive = 12.0
+    """Warp yarns per cm of width."""
+    weft_per_cm: Positive = 12.0
+    """Weft yarns per cm of height."""
+    warp_radius_mm: Positive = 0.22
+    """Radius of the warp yarns."""
+    weft_radius_mm: Positive = 0.22
+    """Radius of the weft yarns."""
+    warp_crimp: Annotated[float, Field(ge=0, le=1)] | None = None
+    """The warp's share of the crimp; by default the possible share nearest to a half."""
+    type_names: Annotated[list[TypeName], Field(min_length=1, max_length=2)] = ["yarn"]
+    """One yarn type for both systems, or two: warp and weft, which can then differ in fiber and color."""
+
+
+class KnitConfig(_Config):
+    """A rectangle of plain knit (stockinette) in the x, y plane around the origin, its face toward +z."""
+
+    kind: Literal["knit"]
+    size_mm: Size
+    """Width (along the courses, x) and height (y), made of whole wales and courses."""
+    stitch_width_mm: Positive
+    """Width of one wale; the gauge across."""
+    course_spacing_mm: Positive | None = None
+    """Height of one course; the gauge along. Default 0.75 stitch widths, a common swatch."""
+    radius_mm: Positive | None = None
+    """Yarn radius. Default an eighth of the stitch width, at which neighboring strands just touch."""
+    type_name: TypeName = "yarn"
+    """Name of the yarn type, and so of the medium it becomes."""
+
+    @model_validator(mode="after")
+    def _loops_must_fit(self) -> Self:
+        radius = self.radius_mm or 0.0
+        if radius > self.stitch_width_mm / 6:
+            most = f"{self.stitch_width_mm / 6:.3g}"
+            raise ValueError(f"'radius_mm' = {radius:g} is too thick for this stitch width; at most {most}")
+        course = self.course_spacing_mm
+        if course is not None and not 0.4 <= course / self.stitch_width_mm <= 1.5:
+            raise ValueError(f"'course_spacing_mm' = {course:g} must be 0.4 to 1.5 times 'stitch_width_mm'")
+        return self
+
+
+class TileConfig(_Config):
+    """A periodic yarn tile (.pyp) repeated over a rectangle in the x, y plane around the origin."""
+
+    kind: Literal["tile"]
+    tile: InputFile
+    """Path to the .pyp file."""
+    size_mm: Size
+    """Width and height of the cloth. Yarns are cut where they cross its border, and never slit lengthwise."""
+    scale_to_mm: Positive = 1000.0
+    """Length of one unit of the file in mm, a meter by default. Smaller values shrink yarn and loops."""
+    radius_mm: Positive | None = None
+    """Yarn radius; by default the scaled radius that the file names."""
+    type_name: TypeName = "yarn"
+    """Name of the yarn type, and so of the medium it becomes."""
+
+
+YarnsConfig = Annotated[FileYarnsConfig | WeaveConfig | KnitConfig | TileConfig, Field(discriminator="kind")]
+"""The [yarns] table of a job; `kind` chooses the source."""
