@@ -25,7 +25,7 @@ def write_exr(path: str | Path, channels: Mapping[str, np.ndarray], attributes: 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
     with atomic_write(path) as temporary:
         try:
-            with OpenEXR.File(header, arrays) as file:
+            with OpenEXR.File(header, dict(arrays)) as file:  # it replaces the dict's values
                 file.write(str(temporary))
         except RuntimeError as error:
             raise OSError(f"OpenEXR could not write {path}: {error}") from error
