@@ -1,0 +1,27 @@
+"""The struct of scattering constants: the GLSL text is the generated one, rows have its size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.fiber_model.scattering_cases import CORNERS
+from weft.renderer.scattering_block import (
+    BLOCK_SHADER,
+    FLOATS_PER_MEDIUM,
+    fiber_block_glsl,
+    pack_scattering,
+)
+
+
+def test_the_shader_file_is_the_generated_text():
+    """When this fails: python -m weft.renderer.scattering_block."""
+    assert BLOCK_SHADER.read_text(encoding="utf-8") == fiber_block_glsl()
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_packs_finite_rows(name):
+    rows = pack_scattering([CORNERS[name], CORNERS["wide"]])
+    assert rows.shape == (2, FLOATS_PER_MEDIUM)
+    assert rows.dtype == np.float32
+    assert np.all(np.isfinite(rows))
