@@ -145,7 +145,7 @@ class FiberVolume:
             digest.update(struct.pack("<Q", len(encoded)) + encoded)
             digest.update(struct.pack("<ddQ", grid.voxel_size_mm, grid.fiber_radius_mm, grid.brick_count))
             for array, kind in ((grid.origins, "<i4"), (grid.density, "<f4"), (grid.direction, "<f4")):
-                digest.update(np.ascontiguousarray(array, dtype=kind).reshape(-1).view(np.uint8))
+                digest.update(np.ascontiguousarray(array, dtype=kind).data)
         return digest.hexdigest()
 
 

@@ -9,6 +9,7 @@ any split into tiles, threads or launches gives the same bits.
 from __future__ import annotations
 
 import warp as wp
+
 from weft.fiber_model.fiber_kernels import FiberTables, open_strand, open_strand_point
 
 from .grid import BRICK_VOXELS

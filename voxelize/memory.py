@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+
 from weft.files.errors import InputError
 
 from .grid import BRICK_SIZE, BRICK_VOXELS

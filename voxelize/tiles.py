@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .grid import BRICK_SIZE
+
 EVERYWHERE = 2**50
 """Voxel coordinates are cut here, far outside what can be computed, so that float64 and int64 hold them."""
 
@@ -81,13 +83,19 @@ def cells_touched(low: np.ndarray, high: np.ndarray, cell: int) -> tuple[np.ndar
 def tile_work(
     bounds_mm: np.ndarray, *, voxel_size_mm: float, region: VoxelBox, tile: int
 ) -> Iterator[TileWork]:
-    """The tiles that boxes [n, 2, 3] touch inside the region, sorted by (x, y, z), each with its items."""
+    """The tiles that boxes [n, 2, 3] touch inside the region, sorted by (x, y, z), each with its items.
+
+    The lattice begins at the lowest brick, so that thin cloth is not cut in two without need.
+    """
     kept, low, high = clip_boxes(*voxel_boxes(bounds_mm, voxel_size_mm), region)
-    box, cells = cells_touched(low, high, tile)
+    if not len(kept):
+        return
+    corner = low.min(axis=0) // BRICK_SIZE * BRICK_SIZE
+    box, cells = cells_touched(low - corner, high - corner, tile)
     order = np.lexsort((box, cells[:, 2], cells[:, 1], cells[:, 0]))
     cells, items = cells[order], kept[box[order]]
     first_visit = np.zeros(len(items), dtype=bool)
     first_visit[np.unique(items, return_index=True)[1]] = True
-    starts = np.flatnonzero(np.r_[len(items) > 0, (np.diff(cells, axis=0) != 0).any(axis=1)])
+    starts = np.flatnonzero(np.r_[True, (np.diff(cells, axis=0) != 0).any(axis=1)])
     for begin, end in zip(starts, np.r_[starts[1:], len(items)], strict=True):
-        yield TileWork(cells[begin] * tile, items[begin:end], first_visit[begin:end])
+        yield TileWork(corner + cells[begin] * tile, items[begin:end], first_visit[begin:end])

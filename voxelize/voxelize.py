@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+
 from weft.files.errors import InputError
 
 from .accumulator import BrickBatch, TileAccumulator, accumulator_bytes

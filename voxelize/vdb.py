@@ -1,0 +1,182 @@
+"""Volumes in .vdb files.
+
+Per medium a float grid `density` (fog volume) and a Vec3S grid `fiber_dir` (contravariant_relative, unit
+length, one hemisphere); `density_<medium>` and `fiber_dir_<medium>` where there are several. Millimeters
+throughout. Files carry a content hash, since .vdb itself has no checksum. libopenvdb may hang or exhaust memory
+on damaged files, so they are read in a child process (vdb_child.py) unless the caller vouches for them.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from weft.files.atomic import atomic_write
+from weft.files.errors import DiskSpaceError, InputError
+
+from .grid import FiberGrid, FiberVolume
+from .openvdb_library import extension
+from .vdb_child import read_in_child
+
+SCHEMA_VERSION = 1
+MAGIC = b" BDV\0\0\0\0"
+
+
+def write_volume(path: str | Path, volume: FiberVolume) -> None:
+    """Write the volume; the file appears whole, read back and found equal, or not at all."""
+    path, module = Path(path), extension()
+    with atomic_write(path) as temporary:
+        try:
+            module.write_grids(str(temporary), list(_leaf_grids(module, volume)))
+            written = _to_volume(module.read_grids(str(temporary)), path)
+        except (RuntimeError, InputError) as error:
+            _raise_if_disk_is_full(path, error)
+            raise
+        if written.content_sha256 != volume.content_sha256:
+            _raise_if_disk_is_full(path, None)
+            raise RuntimeError(f"{path}: the file read back differs from what was written")
+
+
+def read_volume(path: str | Path, *, verify: bool = True, trusted: bool = False) -> FiberVolume:
+    """Read a volume that weft wrote; `InputError` where it is damaged or from elsewhere.
+
+    `verify` compares the content hash. `trusted` reads in this process: faster by a second or so, but a
+    damaged file may then hang or kill it.
+    """
+    path = Path(path)
+    _check_is_vdb(path)
+    return _to_volume(_read(path, trusted=trusted, with_leaves=True), path, verify=verify)
+
+
+def verify(path: str | Path) -> str:
+    """The content hash of a file, `InputError` unless it agrees with what the file holds."""
+    return read_volume(path, verify=True).content_sha256
+
+
+def read_summaries(path: str | Path) -> list[dict[str, Any]]:
+    """Name, type, metadata and index_to_world of every grid of any .vdb file, without its voxels."""
+    path = Path(path)
+    _check_is_vdb(path)
+    return _read(path, trusted=False, with_leaves=False)
+
+
+def _read(path: Path, *, trusted: bool, with_leaves: bool) -> list[dict[str, Any]]:
+    module = extension()
+    if not trusted:
+        return read_in_child(path, with_leaves=with_leaves)
+    try:
+        return module.read_grids(str(path), with_leaves=with_leaves)
+    except (RuntimeError, ValueError, KeyError, IndexError, MemoryError) as error:
+        raise InputError(f"this .vdb file cannot be read: {error}", path=path) from error
+
+
+def _check_is_vdb(path: Path) -> None:
+    try:
+        with open(path, "rb") as file:
+            start = file.read(len(MAGIC))
+    except OSError as error:
+        raise InputError(f"cannot be opened: {error.strerror}.", path=path) from error
+    if start != MAGIC:
+        raise InputError("this is not a .vdb file.", path=path)
+
+
+def _grid_names(media: tuple[str, ...], medium: str) -> tuple[str, str]:
+    suffix = "" if len(media) == 1 else f"_{medium}"
+    return f"density{suffix}", f"fiber_dir{suffix}"
+
+
+def _leaf_grids(module: ModuleType, volume: FiberVolume) -> Iterable[Any]:
+    """The extension's grids: voxel centers lie at h (i + 1/2)."""
+    size = volume.voxel_size_mm
+    for index, (medium, grid) in enumerate(volume.grids.items()):
+        metadata = {
+            "fiber_radius_mm": grid.fiber_radius_mm,
+            "units": "mm",
+            "schema_version": SCHEMA_VERSION,
+            "content_sha256": volume.content_sha256,
+            "medium": medium,
+            "medium_index": index,
+        }
+        density, direction = _grid_names(volume.media, medium)
+        place = {"voxel_size": size, "translation": [size / 2] * 3, "metadata": metadata}
+        yield module.LeafGrid(
+            density, grid.origins, grid.masks, grid.density, grid_class="fog volume", **place
+        )
+        yield module.LeafGrid(
+            direction, grid.origins, grid.masks, grid.direction, vector_type="contravariant_relative", **place
+        )
+
+
+def _to_volume(grids: list[dict[str, Any]], path: Path, *, verify: bool = True) -> FiberVolume:
+    """The volume in the grids of a file."""
+    by_name = {grid["name"]: grid for grid in grids}
+    densities = [
+        grid for grid in grids if "medium_index" in grid["metadata"] and grid["name"].startswith("density")
+    ]
+    if not densities:
+        raise InputError("no grid 'density' written by weft is in this file.", path=path)
+    try:
+        densities.sort(key=lambda grid: int(grid["metadata"]["medium_index"]))
+        volume = FiberVolume(
+            {
+                str(grid["metadata"]["medium"]): _to_grid(
+                    grid, by_name[grid["name"].replace("density", "fiber_dir", 1)]
+                )
+                for grid in densities
+            }
+        )
+        expected = densities[0]["metadata"]["content_sha256"]
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(f"the file is damaged: {error}.", path=path) from error
+    if verify and volume.content_sha256 != expected:
+        raise InputError(
+            "the file is damaged: its voxels do not agree with the content_sha256 it carries.",
+            path=path,
+            hint="Make it again with 'weft voxelize'.",
+        )
+    return volume
+
+
+def _to_grid(density: dict[str, Any], direction: dict[str, Any]) -> FiberGrid:
+    metadata = density["metadata"]
+    if metadata["schema_version"] != SCHEMA_VERSION:
+        raise ValueError(f"schema_version is {metadata['schema_version']}; this weft reads {SCHEMA_VERSION}")
+    leaves, directions = density["leaves"], direction["leaves"]
+    if not np.array_equal(leaves["origins"], directions["origins"]):
+        raise ValueError("density and fiber_dir have different leaves")
+    grid = FiberGrid(
+        voxel_size_mm=_voxel_size(density["index_to_world"]),
+        fiber_radius_mm=float(metadata["fiber_radius_mm"]),
+        origins=leaves["origins"],
+        density=leaves["values"],
+        direction=directions["values"],
+    )
+    if not np.array_equal(leaves["masks"], grid.masks) or not np.array_equal(directions["masks"], grid.masks):
+        raise ValueError("the active voxels are not those with a density")
+    return grid
+
+
+def _voxel_size(index_to_world: list[float]) -> float:
+    """Voxel size of a transform that scales by h and moves by h / 2, else `ValueError`."""
+    matrix = np.array(index_to_world, dtype=np.float64)
+    if matrix.shape != (16,):
+        raise ValueError("the transform is not linear")
+    size = float(matrix[0])
+    expected = np.diag([size, size, size, 1.0])
+    expected[3, :3] = size / 2
+    if not np.allclose(matrix.reshape(4, 4), expected, rtol=1e-9, atol=0.0):
+        raise ValueError("the transform is not a uniform scale about the origin with centered voxels")
+    return size
+
+
+def _raise_if_disk_is_full(path: Path, error: Exception | None) -> None:
+    """libopenvdb does not say why a write failed, and may not notice that it did."""
+    if shutil.disk_usage(path.parent).free < 2**20:
+        raise DiskSpaceError(
+            "no space left on the disk", path=path, hint="Free some and run again."
+        ) from error
