@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
+
 from weft.files.errors import InputError
 
 from .job import Job
@@ -47,7 +48,7 @@ def stage_key(stage: Stage, job: Job, inputs: Mapping[str, Path]) -> StageKey:
     """Raises `InputError` where a file cannot be read."""
     stamps = {f"input.{name}": stamp_of(path) for name, path in inputs.items()}
     values: dict[str, Any] = {"key version": KEY_VERSION}
-    for table in stage.tables:
+    for table in (*stage.tables, *stage.optional_tables):
         if job.has(table):
             for name, value in flattened(job.table(table), (table,)).items():
                 if isinstance(value, Path):

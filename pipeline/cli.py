@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
+
 from weft.files.errors import DiskSpaceError, InputError
 
 from .messages import shown_paths

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
-from weft.files.errors import InputError
 
 from .includes import read_with_includes
-from .messages import JobErrors, Problem, shown
+from .messages import JobErrors, Problem
 from .overrides import apply_overrides
 from .presets import apply_presets
 from .toml_source import TomlDocument
@@ -35,10 +34,9 @@ class Job:
         return self.path.stem
 
     def table(self, name: str) -> Any:
-        """The stage's config. Raises `InputError` where the job has no such table."""
-        config = getattr(self.config, name, None)
-        if config is None:
-            raise InputError(f"has no [{name}] table, which this stage needs", path=shown(self.path))
+        """The config of a table that the job has."""
+        config = getattr(self.config, name)
+        assert config is not None, f"[{name}] is missing; the run checks that before a stage asks"
         return config
 
     def has(self, name: str) -> bool:

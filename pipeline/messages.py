@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from weft.files.errors import InputError
 
-from .toml_source import KeyPath, Origin, dotted
+from .toml_source import KeyPath, Origin, TomlDocument, dotted
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,20 @@ def shown_paths(error: InputError) -> str:
     if error.path is not None and text.startswith(str(error.path)):
         return shown(error.path) + text[len(str(error.path)) :]
     return text
+
+
+@contextmanager
+def placed_in(document: TomlDocument) -> Iterator[None]:
+    """Errors of a stage that begin with a key of the job, `yarns.warp_per_cm: …`, get the line of the key."""
+    try:
+        yield
+    except InputError as error:
+        found = re.match(r"[a-z_]+(\.[a-z_]+)*(?=: )", error.what)
+        origin = document.origin(tuple(found[0].split("."))) if found else None
+        if error.path is not None or origin is None or origin.path is None or isinstance(error, JobErrors):
+            raise
+        placed = type(error)(error.what, path=origin.path, place=origin.line or "", hint=error.hint)
+        raise placed from error
 
 
 def place(origin: Origin) -> str:

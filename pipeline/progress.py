@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -67,7 +68,7 @@ class PlainReporter:
         print(text, file=self.stream, flush=True)
 
     def finished(self, stage: str, seconds: float, result: str, outputs: list[str]) -> None:
-        self.note(f"{stage}: {result or 'done'} ({duration(seconds)}) -> {', '.join(outputs)}")
+        self.note(_finished_line(stage, seconds, result, outputs))
 
     @contextmanager
     def work(self, stage: str) -> Iterator[Progress]:
@@ -122,7 +123,7 @@ class JsonReporter:
 
 @dataclass
 class BarReporter:
-    """A bar with the time left for work that takes more than a second."""
+    """A bar with the time left for work over a second, also before the work reports anything."""
 
     stream: TextIO
 
@@ -130,42 +131,54 @@ class BarReporter:
         print(text, file=self.stream, flush=True)
 
     def finished(self, stage: str, seconds: float, result: str, outputs: list[str]) -> None:
-        self.note(f"{stage}: {result or 'done'} ({duration(seconds)}) -> {', '.join(outputs)}")
+        self.note(_finished_line(stage, seconds, result, outputs))
 
     @contextmanager
     def work(self, stage: str) -> Iterator[Progress]:
-        clock = _Clock()
-        bar: RichProgress | None = None
+        bar = _rich_bar(self.stream)
+        task = bar.add_task(stage, total=None, detail="")
+        appears = threading.Timer(SHOW_AFTER_SECONDS, bar.start)
+        appears.daemon = True
+        appears.start()
 
         def progress(fraction: float, detail: str = "") -> None:
-            nonlocal bar
-            if bar is None and clock.elapsed >= SHOW_AFTER_SECONDS:
-                bar = _rich_bar(self.stream)
-                bar.add_task(stage, total=1.0, times="", detail="")
-                bar.start()
-            if bar is not None:
-                times = _times(clock, fraction)
-                bar.update(bar.task_ids[0], completed=fraction, times=times, detail=detail)
+            bar.update(task, total=1.0, completed=fraction, detail=detail)
 
         try:
             yield progress
         finally:
-            if bar is not None:
-                bar.stop()
+            appears.cancel()
+            appears.join()
+            bar.stop()
 
 
 def _rich_bar(stream: TextIO) -> RichProgress:
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
-        TextColumn("{task.fields[times]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
         TextColumn("{task.fields[detail]}", style="dim"),
     )
-    return Progress(*columns, console=Console(file=stream, force_terminal=True), transient=True)
+    # the pace of the last five minutes, so that slow first steps such as compilation are forgotten
+    console = Console(file=stream, force_terminal=True)
+    return Progress(*columns, console=console, transient=True, speed_estimate_period=300)
+
+
+def _finished_line(stage: str, seconds: float, result: str, outputs: list[str]) -> str:
+    return f"{stage}: {result or 'done'} ({duration(seconds)}) -> {', '.join(outputs)}"
 
 
 def _times(clock: _Clock, fraction: float) -> str:

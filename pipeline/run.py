@@ -15,7 +15,7 @@ from weft.files.errors import InputError
 
 from .cache import StageKey, stage_key, stamp_of, why_stale
 from .job import Job
-from .messages import shown
+from .messages import placed_in, shown
 from .progress import Reporter
 from .run_record import RunRecord, command_line, machine, seeds_in, versions_for, write_record
 from .stage import Stage, StageWork
@@ -60,9 +60,15 @@ def needed(job: Job, chain: Chain, targets: Sequence[str]) -> list[str]:
     names = set(targets)
     for stage in reversed(list(chain.values())):
         if stage.name in names:
-            job.table(stage.tables[0])
+            _refuse_missing_tables(stage, job)
             names |= {source.stage for source in stage.inputs.values() if source.named_by(job) is None}
     return [name for name in chain if name in names]
+
+
+def _refuse_missing_tables(stage: Stage, job: Job) -> None:
+    missing = " and ".join(f"[{table}]" for table in stage.tables if not job.has(table))
+    if missing:
+        raise InputError(f"'{stage.name}' needs the table {missing}, which the job lacks", path=job.path)
 
 
 def input_files(stage: Stage, job: Job, chain: Chain) -> dict[str, Path]:
@@ -107,7 +113,7 @@ def _note_if_stale(stage: Stage, job: Job, chain: Chain, report: Reporter) -> No
 def _run(stage: Stage, job: Job, inputs: Mapping[str, Path], key: StageKey, report: Reporter) -> None:
     started, clock = datetime.datetime.now(datetime.UTC), time.monotonic()
     outputs = {name: job.output / file for name, file in stage.outputs(job).items()}
-    with report.work(stage.name) as progress:
+    with placed_in(job.document), report.work(stage.name) as progress:
         stage_report = stage.work(StageWork(job, inputs, outputs, progress))
     seconds = time.monotonic() - clock
     write_record(
@@ -127,7 +133,8 @@ def _record(
     started: str,
     seconds: float,
 ) -> RunRecord:
-    tables = {table: job.table(table).model_dump(mode="json") for table in stage.tables if job.has(table)}
+    names = [name for name in (*stage.tables, *stage.optional_tables) if job.has(name)]
+    tables = {name: job.table(name).model_dump(mode="json") for name in names}
     stamps = {name: stamp_of(path) for name, path in outputs.items()}
     return RunRecord(
         stage=stage.name,

@@ -42,7 +42,7 @@ class Stage:
 
     name: str
     tables: tuple[str, ...]
-    """The job's tables that the result depends on; the first is the stage's own."""
+    """The job's tables that the stage needs; the first is its own."""
     inputs: Mapping[str, StageInput]
     outputs: Callable[[Job], Mapping[str, str]]
     """File names in the output folder, by output name. The first names the run record."""
@@ -54,6 +54,8 @@ class Stage:
     """Distributions whose versions go into the run record."""
     made_when_needed: bool = False
     """So quick that any stage that needs it makes it first."""
+    optional_tables: tuple[str, ...] = ()
+    """Tables that the result depends on too, where the job has them."""
 
     def record_name(self, job: Job) -> str:
         first = next(iter(self.outputs(job).values()))

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import pytest
 from pydantic import BaseModel, ConfigDict, Field
+
 from weft.files.atomic import atomic_write
 from weft.files.input_file import InputFile, OutputPath
 from weft.pipeline.job import Job, load_job

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+
 from weft.files.errors import InputError
 from weft.pipeline import presets
 from weft.pipeline.job import load_job

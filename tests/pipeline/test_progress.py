@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import time
 
 import pytest
+
 from weft.pipeline import progress
 from weft.pipeline.progress import BarReporter, JsonReporter, PlainReporter, duration, reporter
 
@@ -64,10 +66,23 @@ def test_json_lines_parse_and_end_with_all_done(clock):
     assert len(events) < 60
 
 
-def test_a_bar_is_drawn_on_a_terminal(clock):
+@pytest.mark.parametrize("reported", [False, True])
+def test_a_bar_appears_after_a_second_even_where_nothing_is_reported_yet(monkeypatch, reported):
+    monkeypatch.setattr(progress, "SHOW_AFTER_SECONDS", 0.05)
     stream = io.StringIO()
-    work_for(3, BarReporter(stream), clock)
+    with BarReporter(stream).work("render") as callback:
+        if reported:
+            callback(0.5, "32 samples")
+        time.sleep(0.4)
     assert "render" in stream.getvalue()
+    assert ("50%" in stream.getvalue(), "32 samples" in stream.getvalue()) == (reported, reported)
+
+
+def test_quick_work_draws_no_bar():
+    stream = io.StringIO()
+    with BarReporter(stream).work("render") as callback:
+        callback(1.0, "done")
+    assert "render" not in stream.getvalue()
 
 
 def test_without_a_terminal_lines_are_plain():

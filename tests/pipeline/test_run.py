@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 import pytest
+
 from weft.files.errors import InputError
 from weft.pipeline.cache import _content_hash
 from weft.pipeline.progress import PlainReporter
@@ -143,7 +144,9 @@ def test_a_file_named_by_the_job_replaces_the_earlier_stage(runs):
 
 def test_a_stage_without_its_table_is_refused(runs):
     runs.folder.job_path.write_text('[cloth]\ncolor = "red"\n')
-    with pytest.raises(InputError, match=r"job\.toml: has no \[thread\] table"):
+    with pytest.raises(
+        InputError, match=r"job\.toml: 'thread' needs the table \[thread\], which the job lacks"
+    ):
         runs.run()
 
 

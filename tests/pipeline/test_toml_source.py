@@ -6,6 +6,7 @@ import tomllib
 
 from hypothesis import given
 from hypothesis import strategies as st
+
 from weft.pipeline.toml_source import _LineScan, leaves, read_toml
 
 AWKWARD = '''\

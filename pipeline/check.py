@@ -1,0 +1,108 @@
+"""`weft check`: what a job would do and whether its inputs are sound, without running a stage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from weft.files.errors import InputError
+
+from .cache import stage_key, why_stale
+from .job import Job
+from .messages import placed_in, shown
+from .run import input_files, needed
+from .stages import CHAIN, targets
+
+if TYPE_CHECKING:
+    from weft.fiber_model.fibers import FiberSet
+    from weft.fiber_model.yarns.yarns import YarnSet
+
+CHEAP_YARN_LENGTH_MM = 50_000.0
+"""Up to this, laying out the fibers for the memory estimate takes a few seconds."""
+
+
+def check_job(job: Job) -> Iterator[str]:
+    """Lines about the job. Raises `InputError` for what the run would refuse."""
+    with placed_in(job.document):
+        yield from _checked(job, needed(job, CHAIN, targets(job)))
+
+
+def _checked(job: Job, names: list[str]) -> Iterator[str]:
+    yield f"{shown(job.path)}: no mistakes found"
+    yield f"results in {shown(job.output)}: {', '.join(names)}"
+    if "yarns" in names:
+        yarns = _yarns(job)
+        length, types = yarns.lengths().sum() / 1000, " and ".join(yarns.type_names)
+        yield f"yarns: {yarns.yarn_count:,} yarns, {length:.3g} m of {types}"
+        _check_types(job, yarns)
+        if "voxelize" in names:
+            yield from _memory(job, yarns)
+    if "render" in names:
+        yield from _environments(job)
+    for name in names:
+        yield f"{name}: {_state(job, name)}"
+
+
+def _yarns(job: Job) -> YarnSet:
+    """Reading or making yarns is quick, and finds what is wrong with their file."""
+    from weft.fiber_model.yarns.build import run
+
+    return run(job.table("yarns"))
+
+
+def _check_types(job: Job, yarns: YarnSet) -> None:
+    from .stages import refuse_unknown_types
+
+    if job.has("scattering"):
+        refuse_unknown_types(job, list(job.table("scattering").by_type), yarns.type_names)
+
+
+def _memory(job: Job, yarns: YarnSet) -> Iterator[str]:
+    """Refuses a grid that would not fit, where finding out takes seconds at most."""
+    if yarns.lengths().sum() > CHEAP_YARN_LENGTH_MM:
+        yield "voxelize: memory is estimated when it runs (long yarns)"
+        return
+    from weft.fiber_model.fibers import run
+
+    from .stages import start_warp
+
+    start_warp()
+    fibers = run(job.table("fibers"), yarns)
+    yield from (f"fibers: {warning}" for warning in fibers.report.warnings)
+    yield f"voxelize: {_estimate(job, fibers)}"
+
+
+def _estimate(job: Job, fibers: FiberSet) -> str:
+    """At most how much memory the grid takes. Raises `InputError` where that is more than there is."""
+    from weft.voxelize.memory import BRICK_BYTES, estimate_brick_count, refuse_what_does_not_fit
+    from weft.voxelize.sources import FiberSource
+    from weft.voxelize.tiles import snap_region
+
+    config, source = job.table("voxelize"), FiberSource(fibers)
+    size, region = config.voxel_size_mm, snap_region(config.region_mm, config.voxel_size_mm)
+    bricks = sum(
+        estimate_brick_count(source.bounds_mm[source.medium == medium], voxel_size_mm=size, region=region)
+        for medium in range(len(source.media))
+    )
+    refuse_what_does_not_fit(bricks, fixed_bytes=0, voxel_size_mm=size, memory_mb=config.memory_mb)
+    return f"at most {bricks:,.0f} bricks, {bricks * BRICK_BYTES / 2**20:,.0f} MiB"
+
+
+def _environments(job: Job) -> Iterator[str]:
+    """Read the pictures that light the scene."""
+    from weft.renderer.image import read_rgb
+
+    for light in job.table("render").lights:
+        if light.kind == "environment":
+            height, width, _ = read_rgb(light.file).shape
+            yield f"render: {shown(light.file)} is {width} x {height}"
+
+
+def _state(job: Job, name: str) -> str:
+    stage = CHAIN[name]
+    try:
+        inputs = input_files(stage, job, CHAIN)
+    except InputError:
+        return "would run, after those before it"
+    why = why_stale(stage, job, stage_key(stage, job, inputs))
+    return f"would run because {why}" if why else "fresh"

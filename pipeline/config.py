@@ -1,0 +1,99 @@
+"""What a job file may say: one table for each stage, and where the results go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from weft.fiber_model.config import FibersConfig
+from weft.fiber_model.scattering_config import ScatteringConfig
+from weft.fiber_model.yarns.config import YarnsConfig
+from weft.files.input_file import InputFile, OutputPath
+from weft.renderer.config import RenderConfig
+from weft.voxelize.config import VoxelizeConfig
+
+from .job import Job, load_job
+from .presets import FAMILIES
+
+Corner = tuple[float, float, float]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+
+class RenderTable(RenderConfig):
+    """The picture: camera, lights, samples; and the volume, where another one than this job's is wanted."""
+
+    volume: InputFile | None = None
+    """A .vdb or .nvdb file to render in place of the one that [voxelize] makes."""
+
+
+class ExportTable(_Table):
+    """Which part of the fibers `weft fibers` writes as curves; all of the conditions hold."""
+
+    format: Literal["npz", "obj"] = "npz"
+    """npz: all there is to know of each curve; obj: polylines, grouped by yarn."""
+    yarns: tuple[int, int] | None = None
+    """First yarn and the one after the last. Default: all."""
+    arc_length_mm: tuple[float, float] | None = None
+    """Part of each yarn, from its beginning. Default: its whole length."""
+    box_mm: tuple[Corner, Corner] | None = None
+    """Lower and upper corner of a box that the curves are cut to."""
+
+
+class OutputTable(_Table):
+    """Where the results go."""
+
+    folder: OutputPath | None = None
+    """A folder below the job's own. Default: <job name>.out beside the job."""
+
+
+class JobConfig(_Table):
+    """A job of weft: yarns -> fibers -> voxelize -> render. Without its table a stage is not run."""
+
+    include: list[str] = Field(default=[], exclude=True)
+    """Job files whose values lie under this one's; paths start from this file's folder, as all paths do."""
+    yarns: YarnsConfig | None = None
+    """Where the centerlines come from."""
+    fibers: FibersConfig | None = None
+    """Plies, fibers and fly-aways along the yarns."""
+    export: ExportTable | None = None
+    """The part of the fibers to write as curves."""
+    voxelize: VoxelizeConfig | None = None
+    """The sparse grid of fiber density and direction."""
+    scattering: ScatteringConfig | None = None
+    """How a fiber scatters light."""
+    render: RenderTable | None = None
+    """The picture."""
+    output: OutputTable = OutputTable()
+    """Where the results go."""
+
+
+def load(path: Path, overrides: Sequence[str] = (), output: Path | None = None) -> Job:
+    """Raises `InputError` with one line for every mistake in the job."""
+    return load_job(path, overrides, model=JobConfig, output=output)
+
+
+def job_schema() -> dict[str, Any]:
+    """JSON Schema of job files. A table that may name a preset requires no key, since a preset gives them."""
+    schema = JobConfig.model_json_schema()
+    for definition in _definitions_with_presets(schema):
+        definition.pop("required", None)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "weft job",
+    }
+
+
+def _definitions_with_presets(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    for definition in schema.get("$defs", {}).values():
+        if "preset" in definition.get("properties", {}):
+            yield definition
+
+
+assert set(FAMILIES) <= set(JobConfig.model_fields)

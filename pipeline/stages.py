@@ -1,0 +1,302 @@
+"""The chain: yarns -> (fibers) -> voxelize -> render, with scattering beside it. Each imports what it needs.
+
+Fibers are a function of the yarns, so no stage stores them: `voxelize` makes them inside, `fibers` exports a
+chosen part. Results are handed on as files, so that a picture shows what is on the disk, whoever made it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from weft.files.errors import InputError
+
+from .job import Job
+from .messages import JobErrors, Problem, did_you_mean
+from .stage import Progress, Stage, StageInput, StageWork
+
+if TYPE_CHECKING:
+    from weft.fiber_model.fibers import FiberSet
+    from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+    from weft.voxelize.grid import FiberVolume
+
+FIBERS_SHARE = 0.1
+"""Part of the progress of `voxelize` and `fibers` that goes to laying out the fibers."""
+
+
+def make_yarns(work: StageWork) -> dict[str, Any]:
+    from weft.fiber_model.yarns.build import run
+
+    yarns = run(work.job.table("yarns"), progress=work.progress)
+    yarns.save(work.outputs["yarns"])
+    low, high = yarns.bounds
+    length = float(yarns.lengths().sum())
+    size = " x ".join(f"{extent:.4g}" for extent in high - low)
+    return {
+        "summary": f"{_count(yarns.yarn_count, 'yarn')}, {length / 1000:.3g} m, {size} mm",
+        "yarn_count": yarns.yarn_count,
+        "point_count": yarns.point_count,
+        "length_mm": length,
+        "bounds_mm": [low.tolist(), high.tolist()],
+        "types": list(yarns.type_names),
+    }
+
+
+def export_fibers(work: StageWork) -> dict[str, Any]:
+    from weft.fiber_model.fiber_curves import FiberSelection, export_curves, write_curves
+
+    from .config import ExportTable
+
+    fibers = fiber_set(work)
+    table = work.job.table("export") if work.job.has("export") else ExportTable()
+    selection = FiberSelection(table.yarns, table.arc_length_mm, table.box_mm)
+    curves = export_curves(fibers, selection)
+    if not curves.curve_count:
+        raise InputError(
+            "[export]: no fiber lies in this part.", hint="Widen yarns, arc_length_mm or box_mm."
+        )
+    write_curves(curves, work.outputs["fibers"])
+    return {
+        "summary": f"{_count(curves.curve_count, 'curve')}, {_count(len(curves.points), 'point')}",
+        "curve_count": curves.curve_count,
+        "point_count": len(curves.points),
+        "fibers": _plain(fibers.report),
+    }
+
+
+def make_volume(work: StageWork) -> dict[str, Any]:
+    from weft.voxelize.voxelize import run
+
+    fibers = fiber_set(work)
+    volume = run(work.job.table("voxelize"), fibers, progress=_part(work.progress, FIBERS_SHARE, 1.0))
+    for path in work.outputs.values():
+        save_volume(volume, path)
+    report = volume.report
+    assert report is not None
+    return {
+        "summary": f"{_count(volume.brick_count, 'brick')}, {report.generated_length_mm / 1000:.4g} m of "
+        f"fiber, held by the grid to {abs(report.relative_difference):.0e}",
+        **_plain(report),
+        "length_relative_difference": report.relative_difference,
+        "content_sha256": volume.content_sha256,
+        "media": list(volume.media),
+        "bounds_mm": volume.bounds_mm.tolist(),
+        "fibers": _plain(fibers.report),
+    }
+
+
+def make_scattering(work: StageWork) -> dict[str, Any]:
+    from .scattering_file import EVERY_MEDIUM, write_scattering
+
+    config = work.job.table("scattering")
+    media = {EVERY_MEDIUM: config.to_parameters()}
+    media |= {name: config.parameters_for(name) for name in config.by_type}
+    write_scattering(work.outputs["parameters"], media)
+    return {"summary": config.preset or "as given"}
+
+
+def make_image(work: StageWork) -> dict[str, Any]:
+    from weft.renderer.render import run, save
+
+    from .scattering_file import read_scattering
+
+    volume = load_volume(work.inputs["volume"])
+    lobes = media_scattering(work.job, read_scattering(work.inputs["scattering"]), volume)
+    result = run(work.job.table("render"), volume, lobes, progress=work.progress)
+    save(result, work.outputs["image"])
+    statistics = result.statistics
+    width, height = result.config.resolution
+    return {
+        "summary": f"{width} x {height}, {result.config.samples_per_pixel} samples per pixel, "
+        f"{statistics.paths / max(statistics.seconds, 1e-9) / 1e6:.3g} M paths/s on {statistics.device}",
+        **_plain(statistics),
+    }
+
+
+def fiber_set(work: StageWork) -> FiberSet:
+    """The fibers of the yarns in the input file."""
+    from weft.fiber_model.fibers import run
+    from weft.fiber_model.yarns.yarns import YarnSet
+
+    start_warp()
+    return run(
+        work.job.table("fibers"),
+        YarnSet.load(work.inputs["yarns"]),
+        progress=_part(work.progress, 0.0, FIBERS_SHARE),
+    )
+
+
+def start_warp() -> None:
+    """Start Warp without its own lines (its devices, a missing CUDA driver, each kernel it compiles)."""
+    import warp
+
+    warp.config.log_level = warp.LOG_ERROR
+    with without_native_stderr():
+        warp.init()
+
+
+@contextmanager
+def without_native_stderr() -> Iterator[None]:
+    """Drop what native libraries write to standard error, which Python cannot intercept otherwise."""
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def save_volume(volume: FiberVolume, path: Path) -> None:
+    """By its suffix, as .vdb or .nvdb."""
+    if path.suffix == ".nvdb":
+        from weft.voxelize import nanovdb
+
+        nanovdb.write_volume(path, volume)
+    else:
+        from weft.voxelize import vdb
+
+        vdb.write_volume(path, volume)
+
+
+def load_volume(path: Path) -> FiberVolume:
+    """By its suffix. Raises `InputError` where it is neither .vdb nor .nvdb."""
+    if path.suffix == ".nvdb":
+        from weft.voxelize import nanovdb
+
+        start_warp()
+        return nanovdb.read_volume(path)
+    if path.suffix == ".vdb":
+        from weft.voxelize import vdb
+
+        return vdb.read_volume(path)
+    raise InputError("is neither a .vdb nor a .nvdb file", path=path)
+
+
+def media_scattering(
+    job: Job, parameters: dict[str, FiberScatteringParameters], volume: FiberVolume
+) -> dict[str, FiberScatteringParameters]:
+    """The scattering of each medium of the volume. Refuses entries that no medium has."""
+    from .scattering_file import EVERY_MEDIUM
+
+    refuse_unknown_types(job, [name for name in parameters if name != EVERY_MEDIUM], volume.media)
+    return {name: parameters.get(name, parameters[EVERY_MEDIUM]) for name in volume.media}
+
+
+def refuse_unknown_types(job: Job, names: Sequence[str], types: Sequence[str]) -> None:
+    """Raises `JobErrors` for [scattering.by_type] tables of yarn types that there are not."""
+    problems = []
+    for name in names:
+        if name not in types:
+            key = ("scattering", "by_type", name)
+            what = f"there is no yarn type of this name{did_you_mean(name, types)}"
+            problems.append(Problem(job.document.origin(key), key, what))
+    if problems:
+        raise JobErrors(problems)
+
+
+def targets(job: Job) -> list[str]:
+    """The stages whose results `weft run` makes: those the job has a table for."""
+    names = [name for name in CHAIN if job.has(OWN_TABLE.get(name, name))]
+    if not names:
+        raise InputError("asks for nothing: it has no table of a stage.", path=job.path)
+    return names
+
+
+def _volume_files(job: Job) -> dict[str, str]:
+    formats = job.table("voxelize").formats
+    if not formats:
+        origin = job.document.origin(("voxelize", "formats"))
+        raise JobErrors([Problem(origin, ("voxelize", "formats"), 'must name "vdb", "nvdb" or both')])
+    return {("volume" if i == 0 else f"volume as {name}"): f"volume.{name}" for i, name in enumerate(formats)}
+
+
+def _fiber_files(job: Job) -> dict[str, str]:
+    return {"fibers": f"fibers.{job.table('export').format if job.has('export') else 'npz'}"}
+
+
+def _image_files(job: Job) -> dict[str, str]:
+    return {"image": "image.exr", "preview": "image.png"}
+
+
+def _part(progress: Progress, start: float, end: float) -> Progress:
+    """Progress of a part of the work, from `start` to `end` of the whole."""
+
+    def report(fraction: float, detail: str = "") -> None:
+        progress(start + (end - start) * fraction, detail)
+
+    return report
+
+
+def _plain(report: Any) -> dict[str, Any]:
+    return asdict(report) if is_dataclass(report) and not isinstance(report, type) else {}
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'s' * (number != 1)}"
+
+
+FIBER_CODE = ("fiber_model",)
+SCATTERING_CODE = ("fiber_model/scattering_config.py", "fiber_model/scattering_parameters.py")
+
+CHAIN: dict[str, Stage] = {
+    stage.name: stage
+    for stage in (
+        Stage(
+            name="yarns",
+            tables=("yarns",),
+            inputs={},
+            outputs=lambda job: {"yarns": "yarns.npz"},
+            work=make_yarns,
+            code=("fiber_model/yarns",),
+            libraries=("numpy", "scipy"),
+        ),
+        Stage(
+            name="fibers",
+            tables=("fibers",),
+            optional_tables=("export",),
+            inputs={"yarns": StageInput("yarns", "yarns")},
+            outputs=_fiber_files,
+            work=export_fibers,
+            code=FIBER_CODE,
+            libraries=("numpy", "warp-lang"),
+        ),
+        Stage(
+            name="voxelize",
+            tables=("voxelize", "fibers"),
+            inputs={"yarns": StageInput("yarns", "yarns")},
+            outputs=_volume_files,
+            work=make_volume,
+            code=(*FIBER_CODE, "voxelize"),
+            libraries=("numpy", "warp-lang"),
+        ),
+        Stage(
+            name="scattering",
+            tables=("scattering",),
+            inputs={},
+            outputs=lambda job: {"parameters": "scattering.json"},
+            work=make_scattering,
+            code=SCATTERING_CODE,
+            made_when_needed=True,
+        ),
+        Stage(
+            name="render",
+            tables=("render",),
+            inputs={
+                "volume": StageInput("voxelize", "volume", lambda job: job.table("render").volume),
+                "scattering": StageInput("scattering", "parameters"),
+            },
+            outputs=_image_files,
+            work=make_image,
+            code=("renderer", "fiber_model/scattering.py", "voxelize/vdb.py", "voxelize/nanovdb.py"),
+            libraries=("numpy", "moderngl", "OpenEXR", "pillow"),
+        ),
+    )
+}
+OWN_TABLE = {"fibers": "export"}
+"""`weft run` exports fibers only where the job has an [export] table; [fibers] alone describes them."""
