@@ -31,7 +31,8 @@ def seed_key(seed: int) -> int:
 def pcg4d(x: object, y: object, z: object, w: object) -> Words:
     """Four independent uint32 words for each key (x, y, z, w); keys broadcast and are taken modulo 2^32."""
     multiplier, increment = np.uint32(1664525), np.uint32(1013904223)
-    a, b, c, d = (_words(key) * multiplier + increment for key in (x, y, z, w))
+    with np.errstate(over="ignore"):
+        a, b, c, d = (_words(key) * multiplier + increment for key in (x, y, z, w))
     shift = np.uint32(16)
     a, b, c, d = np.broadcast_arrays(a, b, c, d)
     a, b, c, d = _mix(a, b, c, d)

@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 import numpy as np
+
 from weft.files.errors import InputError
 
 from .config import FibersConfig
@@ -122,12 +123,9 @@ def refuse_unknown_types(config: FibersConfig, yarns: YarnSet) -> None:
 
 
 def refuse_empty_yarns(yarns: YarnSet) -> None:
-    """Fibers need yarns of a finite, positive radius."""
+    """Fibers need yarns."""
     if len(yarns.radius) == 0:
         raise InputError("fibers: there are no yarns to lay fibers along", hint="Check the [yarns] table.")
-    bad = np.flatnonzero(~(np.isfinite(yarns.radius) & (yarns.radius > 0)))
-    if len(bad):
-        raise InputError(f"fibers: yarn {bad[0]} has radius {yarns.radius[bad[0]]:g} mm; it must be above 0")
 
 
 def refuse_too_many_nodes(yarns: YarnSet, segment_mm: float) -> None:

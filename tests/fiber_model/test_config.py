@@ -1,0 +1,89 @@
+"""The fiber settings and the nine presets."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+from pydantic import ValidationError
+
+from weft.fiber_model.config import FibersConfig
+
+PRESETS = ["cotton1", "cotton2", "polyester1", "rayon1", "rayon2", "rayon3", "rayon4", "silk1", "silk2"]
+UNIT = 5.1  # mm per unit of the fitted files, inferred
+LENGTHS = {
+    "ply_pitch_mm": ("ply_pitch", 1),
+    "fiber_pitch_mm": ("fiber_pitch", 1),
+    "ply_center_radius_mm": ("yarn_radius", 0.5),
+    "ellipse_long_mm": ("ellipse_long", 1),
+    "ellipse_short_mm": ("ellipse_short", 1),
+    "hair_z_span_mm": ("hair_z_span_mean", 1),
+    "hair_z_span_sd_mm": ("hair_z_span_sd", 1),
+    "hair_radius_mm": ("hair_R_min_mean", 1),
+    "hair_radius_sd_mm": ("hair_R_min_sd", 1),
+    "hair_radius_span_mm": ("hair_R_span_mean", 1),
+    "hair_radius_span_sd_mm": ("hair_R_span_sd", 1),
+    "loop_radius_mm": ("loop_R_max_mean", 1),
+    "loop_radius_sd_mm": ("loop_R_max_sd", 1),
+}
+DENSITIES = {"hair_density_per_mm": "hair_density", "loop_density_per_mm": "loop_density"}
+NUMBERS = {
+    "plies": "plies",
+    "fibers_per_ply": "fibers_per_ply",
+    "cross_section_epsilon": "epsilon",
+    "cross_section_beta": "beta",
+    "migration_per_turn": "migration_s",
+    "migration_min": "migration_R_min",
+}
+ANGLES = {"hair_angle_span_deg": "hair_theta_span_mean", "hair_angle_span_sd_deg": "hair_theta_span_sd"}
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_presets_are_the_published_values_in_millimeters(preset, fiber_config, shared_data) -> None:
+    with open(shared_data / "tables" / "yarn_presets_zhao2016.csv", encoding="utf-8") as file:
+        rows = csv.DictReader(line for line in file if not line.startswith("#"))
+        published = next(row for row in rows if row["name"] == preset)
+    config = fiber_config(preset)
+    for key, (column, factor) in LENGTHS.items():
+        value = float(published[column]) * UNIT * factor
+        assert abs(getattr(config, key)) == pytest.approx(abs(value), rel=1e-5), key
+    for key, column in DENSITIES.items():
+        assert getattr(config, key) == pytest.approx(float(published[column]) / UNIT, rel=1e-5), key
+    for key, column in NUMBERS.items():
+        assert getattr(config, key) == float(published[column]), key
+    for key, column in ANGLES.items():
+        assert getattr(config, key) == pytest.approx(float(published[column]) * 180 / 3.14159265, rel=1e-5), (
+            key
+        )
+    assert config.flyaway_sd_factor == 0.5
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_plies_and_fibers_turn_in_opposite_directions(preset, fiber_config) -> None:
+    config = fiber_config(preset)
+    assert config.ply_pitch_mm * config.fiber_pitch_mm < 0
+
+
+def test_a_forgotten_preset_is_one_clear_line() -> None:
+    with pytest.raises(ValidationError) as error:
+        FibersConfig()  # type: ignore[call-arg]
+    assert error.value.error_count() == 1
+    assert "set 'preset'" in str(error.value)
+
+
+def test_refuses_unknown_keys_and_impossible_values(fiber_config) -> None:
+    for values in (
+        {"fuz": 1.0},
+        {"fuzz": -1.0},
+        {"plies": 0},
+        {"fiber_radius_mm": float("nan")},
+        {"scale": "big"},
+        {"by_type": {"weft": {"fuz": 1}}},
+        {"by_type": {"weft": {"seed": 1}}},
+    ):
+        with pytest.raises(ValidationError):
+            fiber_config("cotton1", **values)
+
+
+def test_every_key_is_described() -> None:
+    assert all(field.description for field in FibersConfig.model_fields.values())
