@@ -79,7 +79,7 @@ class KnitConfig(_Config):
     stitch_width_mm: Positive
     """Width of one wale; the gauge across."""
     course_spacing_mm: Positive | None = None
-    """Height of one course; the gauge along. Default 0.75 stitch widths, a common swatch."""
+    """Height of one course; the gauge along. Default 0.65 stitch widths."""
     radius_mm: Positive | None = None
     """Yarn radius. Default an eighth of the stitch width, at which neighboring strands just touch."""
     type_name: TypeName = "yarn"

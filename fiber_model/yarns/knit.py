@@ -15,7 +15,7 @@ import numpy as np
 
 from .yarns import YarnSet, refuse_too_many_points
 
-COURSE_PER_WALE = 0.75
+COURSE_PER_WALE = 0.65
 """Default course spacing in wale widths."""
 RADIUS_PER_WALE = 0.125
 """Default yarn radius in wale widths: neighboring strands just touch."""

@@ -145,7 +145,7 @@ def _too_dense(warp: YarnSystem, weft: YarnSystem, reach: float) -> str:
     spacing = 2 * np.sqrt(reach**2 - height**2)
     found = f"{10 / warp.spacing:g} warp and {10 / weft.spacing:g} weft yarns per cm"
     radii = f"radii {warp.radius:g} and {weft.radius:g} mm"
-    most = f"beside this warp at most {10 / spacing:.3g} weft yarns per cm fit"
+    most = f"beside this warp at most {np.floor(100 / spacing) / 10:g} weft yarns per cm fit"
     return f"{found} of {radii} cannot cross without intersecting; {most}"
 
 
