@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from weft.files.errors import DeviceMemoryError, InputError
 from weft.voxelize.grid import BRICK_SIZE, BRICK_VOXELS, FiberGrid
 

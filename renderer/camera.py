@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+
 from weft.files.errors import InputError
 
 from .config import OrthographicCamera, PerspectiveCamera

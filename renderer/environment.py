@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
 from weft.files.errors import InputError
 
 from .config import ConstantLight, EnvironmentLight, Light, SkyLight, StudioLight

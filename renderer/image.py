@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 

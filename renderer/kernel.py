@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
+
 from weft.files.errors import DeviceMemoryError
 
 from .brick_pool import BrickPool
@@ -34,6 +35,8 @@ LOOP_BUDGET = 16_384
 SLOWEST_SAMPLING_LOOP = 8
 """Iterations of the phase function's rejection loop that the budget allows for, per round, on average."""
 MODE_IDLE = 4
+SAMPLES_PER_PASS = 256
+"""Samples summed in 32 bits on the device before they are added in 64 bits here."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,6 @@ class KernelOptions:
     rounds_per_dispatch: int | None = None
     """Unset: adapted so that a dispatch takes `dispatch_seconds`."""
     dispatch_seconds: float = 0.15
-    samples_per_pass: int = 256
-    """Samples summed in 32 bits on the device before they are added in 64 bits here."""
     pixels_per_pass: int = 1 << 20
     """Pixels whose sums are on the device at once."""
 

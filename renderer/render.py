@@ -10,12 +10,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
+
 from weft.voxelize.grid import FiberVolume
 
 from .config import RenderConfig
 from .film import Film
 from .image import write_exr, write_preview
-from .kernel import Kernel, KernelOptions
+from .kernel import SAMPLES_PER_PASS, Kernel, KernelOptions
 from .scene import Scattering, Scene, build_scene
 
 Progress = Callable[[float, str], None]
@@ -100,8 +101,8 @@ def _expose(kernel: Kernel, scene: Scene, progress: Progress | None) -> Film:
     report = _Reporter(progress, width * height * spp)
     for first in range(0, width * height, options.pixels_per_pass):
         count = min(options.pixels_per_pass, width * height - first)
-        for begin in range(0, spp, options.samples_per_pass):
-            samples = range(begin, min(begin + options.samples_per_pass, spp))
+        for begin in range(0, spp, SAMPLES_PER_PASS):
+            samples = range(begin, min(begin + SAMPLES_PER_PASS, spp))
             film.add(first, kernel.trace(first, count, samples, tick=report.add))
     film.samples = spp
     return film
@@ -143,7 +144,6 @@ def attributes(result: RenderResult) -> dict[str, object]:
         "weft.samplesPerPixel": result.config.samples_per_pixel,
         "weft.seed": str(result.config.seed),
         "weft.device": s.device,
-        "weft.wallSeconds": float(s.seconds),
         "weft.cutPaths": str(s.cut_paths),
         "weft.extinction": result.config.extinction,
     }

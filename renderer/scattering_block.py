@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
+
 from weft.fiber_model.scattering import longitudinal_widths
 from weft.fiber_model.scattering_longitudinal import gaussian_normalization
 from weft.fiber_model.scattering_parameters import FiberScatteringParameters

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
 from weft.fiber_model.scattering_parameters import FiberScatteringParameters
 from weft.files.errors import InputError
 from weft.voxelize.grid import FiberVolume

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
+
 from weft.files.errors import DeviceMemoryError
 
 MIB = 1024 * 1024

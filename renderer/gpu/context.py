@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import moderngl
+
 from weft.files.errors import InputError
 
 REQUIRED_VERSION = 430

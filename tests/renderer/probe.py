@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from weft.renderer.gpu import buffers
 from weft.renderer.gpu.context import shared_context
 from weft.renderer.gpu.programs import compute_program

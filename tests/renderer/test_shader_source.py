@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from weft.renderer.gpu import shader_source
 from weft.renderer.gpu.context import shared_context
 from weft.renderer.gpu.programs import compute_program
