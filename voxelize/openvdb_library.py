@@ -12,7 +12,7 @@ PACKAGES = "g++ libopenvdb-dev libboost-dev libtbb-dev libimath-dev"
 def extension() -> ModuleType:
     """The compiled module; `InputError` naming the packages where it was not built."""
     try:
-        from . import _openvdb
+        from . import _openvdb  # type: ignore[attr-defined]
     except ImportError as error:
         raise InputError(
             ".vdb needs OpenVDB, which was not there when weft was installed;",

@@ -2,8 +2,8 @@
 
 Per medium a float grid `density` (fog volume) and a Vec3S grid `fiber_dir` (contravariant_relative, unit
 length, one hemisphere); `density_<medium>` and `fiber_dir_<medium>` where there are several. Millimeters
-throughout. Files carry a content hash, since .vdb itself has no checksum. libopenvdb may hang or exhaust memory
-on damaged files, so they are read in a child process (vdb_child.py) unless the caller vouches for them.
+throughout. Files carry a content hash, since .vdb itself has no checksum. libopenvdb may hang or exhaust
+memory on damaged files: they are read in a child process (vdb_child.py) unless the caller vouches for them.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from weft.files.atomic import atomic_write
 from weft.files.errors import DiskSpaceError, InputError
 
 from .grid import FiberGrid, FiberVolume
+from .grid_names import grid_names
 from .openvdb_library import extension
 from .vdb_child import read_in_child
 
@@ -85,11 +86,6 @@ def _check_is_vdb(path: Path) -> None:
         raise InputError("this is not a .vdb file.", path=path)
 
 
-def _grid_names(media: tuple[str, ...], medium: str) -> tuple[str, str]:
-    suffix = "" if len(media) == 1 else f"_{medium}"
-    return f"density{suffix}", f"fiber_dir{suffix}"
-
-
 def _leaf_grids(module: ModuleType, volume: FiberVolume) -> Iterable[Any]:
     """The extension's grids: voxel centers lie at h (i + 1/2)."""
     size = volume.voxel_size_mm
@@ -102,7 +98,7 @@ def _leaf_grids(module: ModuleType, volume: FiberVolume) -> Iterable[Any]:
             "medium": medium,
             "medium_index": index,
         }
-        density, direction = _grid_names(volume.media, medium)
+        density, direction = grid_names(volume.media, medium)
         place = {"voxel_size": size, "translation": [size / 2] * 3, "metadata": metadata}
         yield module.LeafGrid(
             density, grid.origins, grid.masks, grid.density, grid_class="fog volume", **place

@@ -1,0 +1,268 @@
+"""Volumes in .nvdb files, built and validated by warp.Volume; works without OpenVDB.
+
+One file holds, per medium, a float grid `density` (fog volume) and a vec3f grid `fiber_dir`, named as in
+vdb.py. Warp lays out the tree with all voxels of a brick active; the leaves are then filled here as whole
+blocks, after NanoVDB's documented layout (NanoVDB.h 32.6, LeafData). What a .nvdb cannot say otherwise stands
+as JSON in the blind data `weft` of each density grid, which other readers skip.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from weft.files.atomic import atomic_write
+from weft.files.errors import DiskSpaceError, InputError
+
+from .grid import BRICK_VOXELS, FiberGrid, FiberVolume
+from .grid_names import grid_names
+
+SCHEMA_VERSION = 1
+BLIND_NAME = b"weft"
+CLASS_UNKNOWN, CLASS_FOG_VOLUME = 0, 2
+TYPE_UINT8 = 26
+ALIGNMENT = 32
+
+GRID = np.dtype(
+    [
+        ("magic", "S8"),
+        ("checksum", "<u8"),
+        ("version", "<u4"),
+        ("flags", "<u4"),
+        ("index", "<u4"),
+        ("count", "<u4"),
+        ("size", "<u8"),
+        ("name", "S256"),
+        ("map", "V264"),
+        ("world_bounds", "<f8", 6),
+        ("voxel_size", "<f8", 3),
+        ("grid_class", "<u4"),
+        ("grid_type", "<u4"),
+        ("blind_offset", "<i8"),
+        ("blind_count", "<u4"),
+        ("data", "V20"),
+        ("node_offset", "<i8", 4),
+        ("node_count", "<u4", 3),
+        ("tile_count", "<u4", 3),
+        ("voxel_count", "<u8"),
+    ]
+)
+"""GridData, then TreeData; node offsets count from the latter, leaves first."""
+TREE_BEGIN = 672
+
+BLIND = np.dtype(
+    [
+        ("offset", "<i8"),
+        ("value_count", "<u8"),
+        ("value_size", "<u4"),
+        ("semantic", "<u4"),
+        ("data_class", "<u4"),
+        ("data_type", "<u4"),
+        ("name", "S256"),
+    ]
+)
+"""GridBlindMetaData; the offset counts from its own beginning."""
+
+
+def leaf_type(components: int) -> np.dtype:
+    """LeafData of float (1 component) or vec3f (3)."""
+    shape = () if components == 1 else (components,)
+    head = [
+        ("origin", "<i4", 3),
+        ("extent", "u1", 3),
+        ("flags", "u1"),
+        ("mask", "<u8", 8),
+        ("minimum", "<f4", shape),
+        ("maximum", "<f4", shape),
+        ("average", "<f4"),
+        ("deviation", "<f4"),
+    ]
+    padding = -np.dtype(head).itemsize % ALIGNMENT
+    return np.dtype([*head, ("padding", f"V{padding}"), ("values", "<f4", (BRICK_VOXELS, *shape))])
+
+
+def write_volume(path: str | Path, volume: FiberVolume) -> None:
+    """Write the volume; the file appears whole, read back and found equal, or not at all."""
+    import warp as wp
+
+    path = Path(path)
+    buffer = wp.array(_grids_of(volume), dtype=wp.uint8, device="cpu", copy=False)
+    with atomic_write(path) as temporary:
+        wp.Volume(buffer, copy=False).save_to_nvdb(str(temporary))
+        try:
+            same = read_volume(temporary, verify=False).content_sha256 == volume.content_sha256
+        except InputError:
+            same = False
+        if not same and shutil.disk_usage(path.parent).free < 2**20:
+            raise DiskSpaceError("no space left on the disk", path=path, hint="Free some and run again.")
+        if not same:
+            raise RuntimeError(f"{path}: the file read back differs from what was written")
+
+
+def read_volume(path: str | Path, *, verify: bool = True) -> FiberVolume:
+    """Read a volume that weft wrote; `InputError` where it is damaged or from elsewhere."""
+    path = Path(path)
+    loaded = _load(path)  # owns the memory of all the views below
+    try:
+        grids = _split(loaded.array().numpy())
+        media = [(_blind_text(grid), grid) for grid in grids if BLIND_NAME in _blind_names(grid)]
+        if not media:
+            raise InputError("no grid 'density' written by weft is in this file.", path=path)
+        media.sort(key=lambda pair: pair[0]["medium_index"])
+        by_name = {_header(grid)["name"].item().decode(): grid for grid in grids}
+        volume = FiberVolume(
+            {about["medium"]: _to_grid(about, grid, by_name[about["direction"]]) for about, grid in media}
+        )
+        expected = media[0][0]["content_sha256"]
+    except (KeyError, ValueError, TypeError, IndexError) as error:
+        raise InputError(f"the file is damaged: {error}.", path=path) from error
+    if verify and volume.content_sha256 != expected:
+        raise InputError(
+            "the file is damaged: its voxels do not agree with the content_sha256 it carries.",
+            path=path,
+            hint="Make it again with 'weft voxelize'.",
+        )
+    return volume
+
+
+def _load(path: Path) -> Any:
+    """The grids of a file as a warp.Volume, their structure validated."""
+    import warp as wp
+
+    try:
+        with open(path, "rb") as file:
+            return wp.Volume.load_from_nvdb(file, device="cpu")
+    except OSError as error:
+        raise InputError(f"cannot be opened: {error.strerror}.", path=path) from error
+    except Exception as error:  # Warp raises struct, zlib and plain errors alike
+        raise InputError(f"this .nvdb file cannot be read: {error}.", path=path) from error
+
+
+def _grids_of(volume: FiberVolume) -> np.ndarray:
+    """All grids of the volume, one after the other, as bytes."""
+    parts = []
+    for index, (medium, grid) in enumerate(volume.grids.items()):
+        density, direction = grid_names(volume.media, medium)
+        about = {
+            "schema_version": SCHEMA_VERSION,
+            "content_sha256": volume.content_sha256,
+            "units": "mm",
+            "voxel_size_mm": grid.voxel_size_mm,
+            "fiber_radius_mm": grid.fiber_radius_mm,
+            "brick_count": grid.brick_count,
+            "medium": medium,
+            "medium_index": index,
+            "direction": direction,
+        }
+        parts.append(_build(grid, grid.density, density, CLASS_FOG_VOLUME, about))
+        parts.append(_build(grid, grid.direction, direction, CLASS_UNKNOWN, None))
+    for index, part in enumerate(parts):
+        header = _header(part)
+        header["index"], header["count"] = index, len(parts)
+    return np.concatenate(parts)
+
+
+def _build(
+    grid: FiberGrid, values: np.ndarray, name: str, grid_class: int, about: dict[str, Any] | None
+) -> np.ndarray:
+    """One grid as bytes: Warp lays out the tree of the bricks, then the leaves are filled."""
+    import warp as wp
+
+    # Warp builds no tree without leaves: a grid without bricks gets one that holds nothing
+    origins = grid.origins if grid.brick_count else np.zeros((1, 3), dtype=np.int32)
+    size = grid.voxel_size_mm
+    built = wp.Volume.allocate_by_tiles(
+        wp.array(origins, dtype=wp.int32, device="cpu", copy=False),
+        voxel_size=size,
+        bg_value=0.0 if values.ndim == 2 else wp.vec3f(0.0, 0.0, 0.0),
+        translation=(size / 2, size / 2, size / 2),
+        device="cpu",
+    )
+    raw = built.array().numpy().copy()
+    header = _header(raw)
+    header["name"], header["grid_class"] = name.encode(), grid_class
+    header["voxel_count"] = grid.voxel_count
+    leaves = _leaves(raw, values)
+    order = np.lexsort(leaves["origin"].T[::-1])
+    if grid.brick_count:
+        if not np.array_equal(leaves["origin"][order], origins):
+            raise RuntimeError("warp.Volume laid out other leaves than were asked for")
+        leaves["mask"][order] = grid.masks
+        leaves["values"][order] = values
+    else:
+        leaves["mask"] = 0
+    return raw if about is None else _with_blind_text(raw, about)
+
+
+def _header(raw: np.ndarray) -> np.ndarray:
+    """The head of a grid, to read and to write."""
+    return raw[: GRID.itemsize].view(GRID)[0:1].reshape(())
+
+
+def _leaves(raw: np.ndarray, values: np.ndarray | int) -> np.ndarray:
+    """The leaves of a grid, to read and to write."""
+    components = values if isinstance(values, int) else (1 if values.ndim == 2 else 3)
+    kind = leaf_type(components)
+    header = _header(raw)
+    begin = TREE_BEGIN + int(header["node_offset"][0])
+    return raw[begin : begin + int(header["node_count"][0]) * kind.itemsize].view(kind)
+
+
+def _with_blind_text(raw: np.ndarray, about: dict[str, Any]) -> np.ndarray:
+    """The grid with one entry of blind data, JSON, at its end."""
+    text = json.dumps(about).encode()
+    text += b" " * (-len(text) % ALIGNMENT)
+    entry = np.zeros((), dtype=BLIND)
+    entry["offset"], entry["name"] = BLIND.itemsize, BLIND_NAME
+    entry["value_count"], entry["value_size"], entry["data_type"] = len(text), 1, TYPE_UINT8
+    header = _header(raw)
+    header["blind_offset"], header["blind_count"] = len(raw), 1
+    header["size"] = len(raw) + BLIND.itemsize + len(text)
+    return np.concatenate([raw, np.frombuffer(entry.tobytes() + text, dtype=np.uint8)])
+
+
+def _split(buffer: np.ndarray) -> list[np.ndarray]:
+    grids, begin = [], 0
+    while begin < len(buffer):
+        size = int(_header(buffer[begin:])["size"])
+        grids.append(buffer[begin : begin + size])
+        begin += max(size, GRID.itemsize)
+    return grids
+
+
+def _blind_entry(grid: np.ndarray) -> np.ndarray:
+    begin = int(_header(grid)["blind_offset"])
+    return grid[begin : begin + BLIND.itemsize].view(BLIND)[0]
+
+
+def _blind_names(grid: np.ndarray) -> list[bytes]:
+    return [bytes(_blind_entry(grid)["name"])] if _header(grid)["blind_count"] == 1 else []
+
+
+def _blind_text(grid: np.ndarray) -> dict[str, Any]:
+    entry = _blind_entry(grid)
+    begin = int(_header(grid)["blind_offset"]) + int(entry["offset"])
+    about = json.loads(grid[begin : begin + int(entry["value_count"])].tobytes())
+    if about["schema_version"] != SCHEMA_VERSION:
+        raise ValueError(f"schema_version is {about['schema_version']}; this weft reads {SCHEMA_VERSION}")
+    return about
+
+
+def _to_grid(about: dict[str, Any], density: np.ndarray, direction: np.ndarray) -> FiberGrid:
+    scalars, vectors = _leaves(density, 1), _leaves(direction, 3)
+    if not about["brick_count"]:
+        scalars, vectors = scalars[:0], vectors[:0]
+    order = np.lexsort(scalars["origin"].T[::-1])
+    if not np.array_equal(scalars["origin"][order], vectors["origin"][order]):
+        raise ValueError("density and fiber_dir have different leaves")
+    return FiberGrid(
+        voxel_size_mm=float(about["voxel_size_mm"]),
+        fiber_radius_mm=float(about["fiber_radius_mm"]),
+        origins=np.ascontiguousarray(scalars["origin"][order]),
+        density=np.ascontiguousarray(scalars["values"][order]),
+        direction=np.ascontiguousarray(vectors["values"][order]),
+    )
