@@ -8,7 +8,9 @@ memory on damaged files: they are read in a child process (vdb_child.py) unless 
 
 from __future__ import annotations
 
+import re
 import shutil
+import uuid
 from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
@@ -24,7 +26,9 @@ from .grid_names import grid_names
 from .openvdb_library import extension
 from .vdb_child import read_in_child
 
-SCHEMA_VERSION = 1
+UNIQUE_ID_OFFSET = 21
+"""After the magic number (8 bytes), three uint32 versions and one flag."""
+UNIQUE_ID = re.compile(rb"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 MAGIC = b" BDV\0\0\0\0"
 
 
@@ -34,6 +38,7 @@ def write_volume(path: str | Path, volume: FiberVolume) -> None:
     with atomic_write(path) as temporary:
         try:
             module.write_grids(str(temporary), list(_leaf_grids(module, volume)))
+            _set_unique_id(temporary, volume.content_sha256)
             written = _to_volume(module.read_grids(str(temporary)), path)
         except (RuntimeError, InputError) as error:
             _raise_if_disk_is_full(path, error)
@@ -41,6 +46,18 @@ def write_volume(path: str | Path, volume: FiberVolume) -> None:
         if written.content_sha256 != volume.content_sha256:
             _raise_if_disk_is_full(path, None)
             raise RuntimeError(f"{path}: the file read back differs from what was written")
+
+
+def _set_unique_id(path: Path, content_sha256: str) -> None:
+    """Replace the random UUID that OpenVDB gives every file, so that equal volumes are equal files."""
+    unique_id = str(uuid.UUID(hex=content_sha256[:32], version=4)).encode("ascii")
+    with open(path, "r+b") as file:
+        file.seek(UNIQUE_ID_OFFSET)
+        found = file.read(len(unique_id))
+        if UNIQUE_ID.fullmatch(found) is None:
+            raise RuntimeError(f"{path}: the UUID of a .vdb file is not where it belongs")
+        file.seek(UNIQUE_ID_OFFSET)
+        file.write(unique_id)
 
 
 def read_volume(path: str | Path, *, verify: bool = True, trusted: bool = False) -> FiberVolume:
