@@ -15,8 +15,6 @@ from cyclopts import App, CycloptsError, Parameter
 
 from weft.files.errors import DiskSpaceError, InputError
 
-from .messages import shown_paths
-
 DONE, WRONG_INPUT, NO_SPACE, INTERRUPTED, TERMINATED = 0, 2, DiskSpaceError.exit_code, 130, 143
 
 app = App(
@@ -226,6 +224,8 @@ def exit_code(arguments: Sequence[str]) -> int:
     try:
         return _command(arguments)() or DONE
     except InputError as error:
+        from .messages import shown_paths
+
         return _complain(shown_paths(error), error.exit_code)
     except CycloptsError as error:
         return _complain(f"weft: {error} 'weft --help' lists the commands.", WRONG_INPUT)

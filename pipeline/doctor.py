@@ -157,7 +157,7 @@ def _probe_jax() -> tuple[bool, str, str]:
 
 
 def _probe_openvdb() -> tuple[bool, str, str]:
-    from weft.voxelize.vdb import extension
+    from weft.voxelize.openvdb_library import extension
 
     return True, str(extension().version), ""
 

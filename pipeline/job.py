@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +57,8 @@ def load_job(
         problems += _not_caused_by_presets(problems_of(error, model, document, path), problems)
     if problems:
         raise JobErrors(problems)
-    return Job(path, config, document, output or _output_folder(path, config, document))
+    folder = output or _output_folder(path, config, document)
+    return Job(path, config, document, Path(os.path.abspath(folder)))
 
 
 def _not_caused_by_presets(found: list[Problem], presets: list[Problem]) -> list[Problem]:

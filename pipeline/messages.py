@@ -55,11 +55,12 @@ def placed_in(document: TomlDocument) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        found = re.match(r"[a-z_]+(\.[a-z_]+)*(?=: )", error.what)
+        what = f"{error.place}: {error.what}" if error.place else error.what
+        found = re.match(r"[a-z_]+(\.[a-z_]+)*(?=: )", what)
         origin = document.origin(tuple(found[0].split("."))) if found else None
         if error.path is not None or origin is None or origin.path is None or isinstance(error, JobErrors):
             raise
-        placed = type(error)(error.what, path=origin.path, place=origin.line or "", hint=error.hint)
+        placed = type(error)(what, path=origin.path, place=origin.line or "", hint=error.hint)
         raise placed from error
 
 

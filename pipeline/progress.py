@@ -77,7 +77,7 @@ class PlainReporter:
 
         def progress(fraction: float, detail: str = "") -> None:
             nonlocal next_line
-            if clock.elapsed >= next_line:
+            if clock.elapsed >= next_line and fraction < 1:
                 next_line = max(clock.elapsed * 1.5, clock.elapsed + 2)
                 self.note(f"{stage}: {fraction:4.0%} {_times(clock, fraction)}{' ' * bool(detail)}{detail}")
 

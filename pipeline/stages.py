@@ -155,26 +155,26 @@ def without_native_stderr() -> Iterator[None]:
 def save_volume(volume: FiberVolume, path: Path) -> None:
     """By its suffix, as .vdb or .nvdb."""
     if path.suffix == ".nvdb":
-        from weft.voxelize import nanovdb
+        from weft.voxelize.nanovdb import write_volume as write_nvdb
 
-        nanovdb.write_volume(path, volume)
+        write_nvdb(path, volume)
     else:
-        from weft.voxelize import vdb
+        from weft.voxelize.vdb import write_volume as write_vdb
 
-        vdb.write_volume(path, volume)
+        write_vdb(path, volume)
 
 
 def load_volume(path: Path) -> FiberVolume:
     """By its suffix. Raises `InputError` where it is neither .vdb nor .nvdb."""
     if path.suffix == ".nvdb":
-        from weft.voxelize import nanovdb
+        from weft.voxelize.nanovdb import read_volume as read_nvdb
 
         start_warp()
-        return nanovdb.read_volume(path)
+        return read_nvdb(path)
     if path.suffix == ".vdb":
-        from weft.voxelize import vdb
+        from weft.voxelize.vdb import read_volume as read_vdb
 
-        return vdb.read_volume(path)
+        return read_vdb(path)
     raise InputError("is neither a .vdb nor a .nvdb file", path=path)
 
 

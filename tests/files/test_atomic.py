@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+
 from weft.files.atomic import atomic_write
 from weft.files.errors import DiskSpaceError, InputError
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from pydantic import BaseModel, ValidationError
+
 from weft.files.input_file import InputFile, OutputPath, TextFromFile
 
 

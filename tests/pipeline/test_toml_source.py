@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from weft.pipeline.toml_source import _LineScan, leaves, read_toml
@@ -90,6 +90,7 @@ VALUES = st.recursive(
 )
 
 
+@settings(deadline=None, derandomize=True)
 @given(st.lists(st.tuples(NAMES, VALUES), max_size=6), st.lists(st.tuples(NAMES, st.booleans()), max_size=4))
 def test_every_leaf_of_any_valid_file_gets_a_line_in_it(pairs, tables):
     text = "".join(f"{name} = {value}\n" for name, value in pairs)
