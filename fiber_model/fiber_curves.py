@@ -70,7 +70,7 @@ def strand_points(fiber_set: FiberSet, stretches: np.ndarray, *, device: str = "
     """Make all strands of the stretches with these indices."""
     import warp as wp
 
-    from .fiber_kernels import points_kernel
+    from .strand_kernels import points_kernel
 
     counts = fiber_set.stretch_point_counts()[stretches]
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -46,6 +46,11 @@ class Strand:
     ply: wp.vec2
     """Angle of its ply against ply 0."""
     seat: FiberSeat
+    period: wp.int32
+    """Migration period where it begins."""
+    peak: wp.float32
+    """Largest radius in that period, and in the next."""
+    next_peak: wp.float32
     start: wp.float32
     """Where a hair begins, in segments from the yarn's node `first`."""
     run: wp.float32
@@ -123,28 +128,43 @@ def loop_peak(
 
 
 @wp.func
-def migration_peak(
+def migration_period(yarn: YarnParameters, seat: FiberSeat, node: wp.int32) -> wp.int32:
+    """Which migration period of a fiber a node lies in. Twin: `migration.migration_period_index`."""
+    rate = yarn.migration_turns / wp.float64(yarn.intervals)
+    turns = wp.float64(node) * rate + wp.float64(seat.migration_turns)
+    return wp.int32(wp.floor(turns + wp.float64(0.5)))
+
+
+@wp.func
+def period_peak(
     seed: wp.uint32,
     yarn: YarnParameters,
     yarn_index: wp.int32,
     fiber: wp.int32,
     seat: FiberSeat,
-    node: wp.int32,
+    period: wp.int32,
 ) -> wp.float32:
-    """Largest radius in the migration period around a node: the fiber's own, or that of a loop."""
+    """Largest radius in a migration period: the fiber's own, or that of a loop."""
     own = yarn.migration_high * seat.radius
-    if yarn.loops == 0:
-        return own
-    turns = wp.float64(node) * (yarn.migration_turns / wp.float64(yarn.intervals)) + wp.float64(
-        seat.migration_turns
-    )
-    period = wp.int32(wp.floor(turns + wp.float64(0.5)))
     if yarn.closed != 0:
         period = period % wp.max(wp.int32(yarn.migration_turns), 1)
     word = pcg4d(seed + PURPOSE_LOOP, wp.uint32(yarn_index), wp.uint32(fiber), wp.uint32(period))
     if word[0] > yarn.loop_threshold:
         return own
     return loop_peak(seed, yarn_index, fiber, period, own, yarn.loop_radius)
+
+
+@wp.func
+def migration_peak(tables: FiberTables, yarn: YarnParameters, strand: Strand, node: wp.int32) -> wp.float32:
+    """Largest radius in the migration period around a node; opening the strand has found two of them."""
+    if yarn.loops == 0:
+        return yarn.migration_high * strand.seat.radius
+    period = migration_period(yarn, strand.seat, node)
+    if period == strand.period:
+        return strand.peak
+    if period == strand.period + 1:
+        return strand.next_peak
+    return period_peak(tables.seed, yarn, strand.yarn, strand.fiber, strand.seat, period)
 
 
 @wp.func
@@ -203,7 +223,7 @@ def body_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
         index = wp.int32(0)
     node = tables.nodes[yarn.first_node + index]
     low = yarn.migration_low * strand.seat.radius
-    peak = migration_peak(tables.seed, yarn, strand.yarn, strand.fiber, strand.seat, index)
+    peak = migration_peak(tables, yarn, strand, index)
     migration = turn(node.migration, strand.seat.migration)
     radius = low + 0.5 * (peak - low) * (migration[0] + 1.0)
     if yarn.perturbation > 0.0:
@@ -315,6 +335,11 @@ def open_strand(tables: FiberTables, stretch_index: wp.int32, strand_index: wp.i
     angle = TWO_PI * wp.float32(strand_index // yarn.fibers_per_ply) / wp.float32(yarn.plies)
     strand.ply = wp.vec2(wp.cos(angle), wp.sin(angle))
     strand.seat = tables.seats[yarn.first_fiber + strand_index]
+    if yarn.loops != 0:
+        seat = strand.seat
+        strand.period = migration_period(yarn, seat, strand.first)
+        strand.peak = period_peak(tables.seed, yarn, strand.yarn, strand.fiber, seat, strand.period)
+        strand.next_peak = period_peak(tables.seed, yarn, strand.yarn, strand.fiber, seat, strand.period + 1)
     return strand
 
 
@@ -351,81 +376,3 @@ def strand_point(tables: FiberTables, stretch: wp.int32, strand: wp.int32, k: wp
     The last point of a body fiber in a stretch equals its first in the next one, bit for bit.
     """
     return open_strand_point(tables, open_strand(tables, stretch, strand), k)
-
-
-KIND_BODY = wp.constant(0)
-KIND_LOOP = wp.constant(1)
-KIND_HAIR = wp.constant(2)
-
-
-@wp.func
-def strand_kind(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.int32:
-    """Whether point `k` belongs to a hair, to a loop, or to neither."""
-    if strand.is_hair != 0:
-        return KIND_HAIR
-    yarn = tables.yarns[strand.yarn]
-    index = strand.first + k
-    if yarn.closed != 0 and index == yarn.intervals:
-        index = wp.int32(0)
-    peak = migration_peak(tables.seed, yarn, strand.yarn, strand.fiber, strand.seat, index)
-    if peak > yarn.migration_high * strand.seat.radius:
-        return KIND_LOOP
-    return KIND_BODY
-
-
-@wp.kernel
-def points_kernel(
-    tables: FiberTables,
-    stretches: wp.array(dtype=wp.int32),
-    offsets: wp.array(dtype=wp.int64),
-    points: wp.array(dtype=wp.vec3),
-    kinds: wp.array(dtype=wp.uint8),
-):
-    """All strands of chosen stretches, one after the other: stretch i writes from point offsets[i] on."""
-    i = wp.tid()
-    stretch = stretches[i]
-    place = offsets[i]
-    for s in range(strand_count(tables, stretch)):
-        strand = open_strand(tables, stretch, s)
-        for k in range(strand.segments + 1):
-            points[place] = open_strand_point(tables, strand, k)
-            kinds[place] = wp.uint8(strand_kind(tables, strand, k))
-            place += wp.int64(1)
-
-
-@wp.kernel
-def length_kernel(tables: FiberTables, length: wp.array(dtype=wp.float64, ndim=2)):
-    """Length of the body fibers and of the hairs of each stretch [mm], shape [stretch_count, 2]."""
-    stretch = wp.tid()
-    body = wp.float64(0.0)
-    hairs = wp.float64(0.0)
-    for s in range(strand_count(tables, stretch)):
-        strand = open_strand(tables, stretch, s)
-        before = open_strand_point(tables, strand, 0)
-        for k in range(1, strand.segments + 1):
-            point = open_strand_point(tables, strand, k)
-            step = wp.vec3d(point) - wp.vec3d(before)
-            if strand.is_hair != 0:
-                hairs += wp.length(step)
-            else:
-                body += wp.length(step)
-            before = point
-    length[stretch, 0] = body
-    length[stretch, 1] = hairs
-
-
-@wp.kernel
-def hair_bounds_kernel(tables: FiberTables, bounds: wp.array(dtype=wp.vec3, ndim=2)):
-    """Grow the box of each stretch, shape [stretch_count, 2], by the hairs that begin in it."""
-    stretch = wp.tid()
-    piece = tables.stretches[stretch]
-    low = bounds[stretch, 0]
-    high = bounds[stretch, 1]
-    for h in range(piece.hairs):
-        strand = open_hair(tables, piece, h)
-        for k in range(strand.segments + 1):
-            point = hair_point(tables, strand, k)
-            low = wp.min(low, point)
-            high = wp.max(high, point)
-    bounds[stretch, 0] = low
-    bounds[stretch, 1] = high

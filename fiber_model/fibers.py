@@ -89,7 +89,7 @@ class FiberSet:
         if self.stretches["hairs"].any():
             import warp as wp
 
-            from .fiber_kernels import hair_bounds_kernel
+            from .strand_kernels import hair_bounds_kernel
 
             grown = wp.array(bounds, dtype=wp.vec3, device=device)
             wp.launch(
@@ -131,7 +131,7 @@ class FiberSet:
         """
         import warp as wp
 
-        from .fiber_kernels import length_kernel
+        from .strand_kernels import length_kernel
 
         length = wp.empty((self.stretch_count, 2), dtype=wp.float64, device=device)
         wp.launch(length_kernel, self.stretch_count, inputs=[self.tables(device), length], device=device)

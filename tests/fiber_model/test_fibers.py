@@ -110,7 +110,7 @@ def test_segments_follow_the_helix(fiber_config, straight_yarn) -> None:
 
 
 def test_tight_bends_do_not_fold_over(fiber_config, yarn_loop) -> None:
-    """A yarn of radius 1 bent to a radius of 0.8: every fiber still runs forward, and the report counts it."""
+    """A yarn of radius 1 bent to a radius of 0.8: every fiber still runs forward, and it is counted."""
     config = fiber_config("cotton2", fuzz=0.0, fiber_count_scale=1.0, ply_pitch_mm=0.0, fiber_pitch_mm=0.0)
     fiber_set = run(config, yarn_loop(0.8, wave=0.0))
     assert fiber_set.report.folded_node_count > 0.9 * fiber_set.report.node_count
