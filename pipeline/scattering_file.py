@@ -53,26 +53,36 @@ def read_scattering(path: Path) -> dict[str, FiberScatteringParameters]:
 
 
 def _parameters(values: Any, place: str, path: Path) -> FiberScatteringParameters:
-    names = {field.name for field in fields(FiberScatteringParameters)}
-    needed = {
-        field.name
-        for field in fields(FiberScatteringParameters)
-        if field.default is MISSING and field.default_factory is MISSING
-    }
-    if not isinstance(values, dict) or not needed <= set(values) <= names:
-        raise InputError(f"needs {', '.join(sorted(needed))}", path=path, place=place)
+    if not isinstance(values, dict) or not NEEDED <= set(values) <= set(TYPES):
+        raise InputError(f"needs {', '.join(sorted(NEEDED))}", path=path, place=place)
     try:
-        return FiberScatteringParameters(**{name: _value(value) for name, value in values.items()})
-    except (TypeError, ValueError) as error:
-        raise InputError(str(error), path=path, place=place) from error
+        return FiberScatteringParameters(**{name: _value(name, value) for name, value in values.items()})
+    except InputError as error:
+        raise InputError(error.what, path=path, place=place, hint=error.hint) from error
 
 
-def _value(value: Any) -> Any:
-    """JSON arrays become colors; only finite numbers, words and null are allowed."""
-    if isinstance(value, list):
-        return tuple(_value(item) for item in value)
-    if isinstance(value, str) or value is None:
+def _value(name: str, value: Any) -> Any:
+    """A word, a finite number or three, or null, as the field says; `InputError` for anything else."""
+    if TYPES[name] == "str" and isinstance(value, str):
         return value
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+    if "None" in TYPES[name] and value is None:
+        return None
+    if TYPES[name].startswith("tuple"):
+        if isinstance(value, list) and len(value) == 3 and all(map(_is_number, value)):
+            return tuple(value)
+        raise InputError(f"{name} is {value!r}; need three finite numbers")
+    if TYPES[name].startswith("float") and _is_number(value):
         return value
-    raise ValueError(f"found {value!r}, which is no finite number")
+    raise InputError(f"{name} is {value!r}; need {TYPES[name]}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+TYPES = {field.name: str(field.type) for field in fields(FiberScatteringParameters)}
+NEEDED = {
+    field.name
+    for field in fields(FiberScatteringParameters)
+    if field.default is MISSING and field.default_factory is MISSING
+}
