@@ -22,8 +22,8 @@ class VoxelizeConfig(BaseModel):
     """Refuse to start when more memory than this would be needed. Default: what the machine has free."""
     tile_voxels: int = Field(default=128, ge=8, le=256, multiple_of=8)
     """Voxels along the edge of the cube that one worker fills at a time. It changes no bit of the result."""
-    formats: tuple[Literal["vdb", "nvdb"], ...] = ("vdb",)
-    """Files to write: "vdb" (needs OpenVDB), "nvdb", or both; none keeps the grid in the cache only."""
+    formats: tuple[Literal["vdb", "nvdb"], ...] = Field(default=("vdb",), min_length=1)
+    """Files to write: "vdb" (needs OpenVDB), "nvdb", or both; the first one is what later stages read."""
 
     @field_validator("region_mm")
     @classmethod

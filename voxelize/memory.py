@@ -15,6 +15,9 @@ from .tiles import VoxelBox, cells_touched, clip_boxes, voxel_boxes
 BRICK_BYTES = BRICK_VOXELS * (4 + 12) + 12
 """Density, direction and origin of one brick."""
 
+COPIES = 2.3
+"""How often the bricks are held at the worst moment: here, and as a tree while a file is written."""
+
 MAX_CELL_PAIRS = 4_000_000
 """Pairs of box and cell looked at in the estimate; larger cells are taken until there are fewer."""
 
@@ -63,11 +66,11 @@ def estimate_brick_count(bounds_mm: np.ndarray, *, voxel_size_mm: float, region:
 def refuse_what_does_not_fit(
     brick_count: float, *, fixed_bytes: float, voxel_size_mm: float, memory_mb: float | None
 ) -> None:
-    """Raise `InputError` when the bricks, held once and a quarter, and the tiles in work need too much."""
+    """Raise `InputError` when the bricks, with their copies, and the tiles in work need too much."""
     available = available_memory_bytes()
     if memory_mb is not None:
         available = min(available, int(memory_mb * 2**20))
-    needed = fixed_bytes + 1.25 * brick_count * BRICK_BYTES
+    needed = fixed_bytes + COPIES * brick_count * BRICK_BYTES
     if needed <= available:
         return
     room = max(available - fixed_bytes, 0.05 * available)

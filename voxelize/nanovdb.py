@@ -1,4 +1,4 @@
-"""Volumes in .nvdb files, built and validated by warp.Volume; works without OpenVDB.
+"""Volumes in .nvdb files, laid out and validated by warp.Volume; works without OpenVDB.
 
 One file holds, per medium, a float grid `density` (fog volume) and a vec3f grid `fiber_dir`, named as in
 vdb.py. Warp lays out the tree with all voxels of a brick active; the leaves are then filled here as whole
@@ -8,20 +8,21 @@ as JSON in the blind data `weft` of each density grid, which other readers skip.
 
 from __future__ import annotations
 
+import hashlib
 import json
-import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from weft.files.atomic import atomic_write
-from weft.files.errors import DiskSpaceError, InputError
+from weft.files.errors import InputError
 
-from .grid import BRICK_VOXELS, FiberGrid, FiberVolume
-from .grid_names import grid_names
+from .grid import BRICK_SIZE, BRICK_VOXELS, FiberGrid, FiberVolume
+from .grid_files import SCHEMA_VERSION, grid_names, raise_if_disk_is_full
 
-SCHEMA_VERSION = 1
 BLIND_NAME = b"weft"
 CLASS_UNKNOWN, CLASS_FOG_VOLUME = 0, 2
 TYPE_UINT8 = 26
@@ -54,6 +55,31 @@ GRID = np.dtype(
 """GridData, then TreeData; node offsets count from the latter, leaves first."""
 TREE_BEGIN = 672
 
+FILE_MAGIC = b"NanoVDB0"
+FILE_HEAD = np.dtype([("magic", "S8"), ("version", "<u4"), ("count", "<u2"), ("codec", "<u2")])
+"""FileHeader; codec 0 is none."""
+
+ENTRY = np.dtype(
+    [
+        ("grid_bytes", "<u8"),
+        ("file_bytes", "<u8"),
+        ("name_key", "<u8"),
+        ("voxel_count", "<u8"),
+        ("grid_type", "<u4"),
+        ("grid_class", "<u4"),
+        ("world_bounds", "<f8", 6),
+        ("index_bounds", "<i4", 6),
+        ("voxel_size", "<f8", 3),
+        ("name_bytes", "<u4"),
+        ("node_count", "<u4", 4),
+        ("tile_count", "<u4", 3),
+        ("codec", "<u2"),
+        ("padding", "<u2"),
+        ("version", "<u4"),
+    ]
+)
+"""FileMetaData; a name key of 0 lets readers compare the name alone, as NanoVDB's own plain writer does."""
+
 BLIND = np.dtype(
     [
         ("offset", "<i8"),
@@ -66,6 +92,16 @@ BLIND = np.dtype(
     ]
 )
 """GridBlindMetaData; the offset counts from its own beginning."""
+
+
+@dataclass(frozen=True)
+class _PlannedGrid:
+    name: str
+    grid_class: int
+    grid: FiberGrid
+    values: np.ndarray
+    about: dict[str, Any] | None
+    """What goes into the blind data."""
 
 
 def leaf_type(components: int) -> np.dtype:
@@ -86,21 +122,14 @@ def leaf_type(components: int) -> np.dtype:
 
 
 def write_volume(path: str | Path, volume: FiberVolume) -> None:
-    """Write the volume; the file appears whole, read back and found equal, or not at all."""
-    import warp as wp
-
+    """Write the volume; the file appears whole, its bytes read back and found equal, or not at all."""
     path = Path(path)
-    buffer = wp.array(_grids_of(volume), dtype=wp.uint8, device="cpu", copy=False)
     with atomic_write(path) as temporary:
-        wp.Volume(buffer, copy=False).save_to_nvdb(str(temporary))
-        try:
-            same = read_volume(temporary, verify=False).content_sha256 == volume.content_sha256
-        except InputError:
-            same = False
-        if not same and shutil.disk_usage(path.parent).free < 2**20:
-            raise DiskSpaceError("no space left on the disk", path=path, hint="Free some and run again.")
-        if not same:
-            raise RuntimeError(f"{path}: the file read back differs from what was written")
+        written = _write_segment(temporary, volume)
+        if _grid_hashes(temporary) != written:
+            error = RuntimeError(f"{path}: the file read back differs from what was written")
+            raise_if_disk_is_full(path, error)
+            raise error
 
 
 def read_volume(path: str | Path, *, verify: bool = True) -> FiberVolume:
@@ -142,9 +171,54 @@ def _load(path: Path) -> Any:
         raise InputError(f"this .nvdb file cannot be read: {error}.", path=path) from error
 
 
-def _grids_of(volume: FiberVolume) -> np.ndarray:
-    """All grids of the volume, one after the other, as bytes."""
-    parts = []
+def _write_segment(path: Path, volume: FiberVolume) -> list[bytes]:
+    """One segment: its head, an entry for each grid, then grid after grid; the hash of each grid."""
+    plans = list(_plan_grids(volume))
+    entries, hashes = b"", []
+    with open(path, "wb") as file:
+        file.seek(FILE_HEAD.itemsize + sum(ENTRY.itemsize + len(plan.name) + 1 for plan in plans))
+        for index, plan in enumerate(plans):
+            raw = _build(plan)
+            header = _header(raw)
+            header["index"], header["count"] = index, len(plans)
+            entries += _entry(header, plan).tobytes() + plan.name.encode() + b"\0"
+            hashes.append(hashlib.sha256(raw.data).digest())
+            file.write(raw.data)
+        head = np.zeros((), dtype=FILE_HEAD)
+        head["magic"], head["version"], head["count"] = FILE_MAGIC, header["version"], len(plans)
+        file.seek(0)
+        file.write(head.tobytes() + entries)
+    return hashes
+
+
+def _entry(header: np.ndarray, plan: _PlannedGrid) -> np.ndarray:
+    """What the file says of a grid ahead of it."""
+    entry = np.zeros((), dtype=ENTRY)
+    for name in ("version", "voxel_count", "grid_type", "grid_class", "world_bounds", "voxel_size"):
+        entry[name] = header[name]
+    entry["grid_bytes"] = entry["file_bytes"] = header["size"]
+    entry["name_bytes"] = len(plan.name) + 1
+    entry["node_count"] = [*header["node_count"], 1]
+    entry["tile_count"] = header["tile_count"]
+    if plan.grid.brick_count:
+        origins = plan.grid.origins
+        entry["index_bounds"] = [*origins.min(axis=0), *(origins.max(axis=0) + BRICK_SIZE - 1)]
+    return entry
+
+
+def _grid_hashes(path: Path) -> list[bytes]:
+    """The hash of each grid in a file that was just written."""
+    with open(path, "rb") as file:
+        head = np.frombuffer(file.read(FILE_HEAD.itemsize), dtype=FILE_HEAD)[0]
+        sizes = []
+        for _ in range(int(head["count"])):
+            entry = np.frombuffer(file.read(ENTRY.itemsize), dtype=ENTRY)[0]
+            file.seek(int(entry["name_bytes"]), 1)
+            sizes.append(int(entry["grid_bytes"]))
+        return [hashlib.sha256(file.read(size)).digest() for size in sizes]
+
+
+def _plan_grids(volume: FiberVolume) -> Iterator[_PlannedGrid]:
     for index, (medium, grid) in enumerate(volume.grids.items()):
         density, direction = grid_names(volume.media, medium)
         about = {
@@ -158,20 +232,15 @@ def _grids_of(volume: FiberVolume) -> np.ndarray:
             "medium_index": index,
             "direction": direction,
         }
-        parts.append(_build(grid, grid.density, density, CLASS_FOG_VOLUME, about))
-        parts.append(_build(grid, grid.direction, direction, CLASS_UNKNOWN, None))
-    for index, part in enumerate(parts):
-        header = _header(part)
-        header["index"], header["count"] = index, len(parts)
-    return np.concatenate(parts)
+        yield _PlannedGrid(density, CLASS_FOG_VOLUME, grid, grid.density, about)
+        yield _PlannedGrid(direction, CLASS_UNKNOWN, grid, grid.direction, None)
 
 
-def _build(
-    grid: FiberGrid, values: np.ndarray, name: str, grid_class: int, about: dict[str, Any] | None
-) -> np.ndarray:
+def _build(plan: _PlannedGrid) -> np.ndarray:
     """One grid as bytes: Warp lays out the tree of the bricks, then the leaves are filled."""
     import warp as wp
 
+    grid, values = plan.grid, plan.values
     # Warp builds no tree without leaves: a grid without bricks gets one that holds nothing
     origins = grid.origins if grid.brick_count else np.zeros((1, 3), dtype=np.int32)
     size = grid.voxel_size_mm
@@ -184,7 +253,7 @@ def _build(
     )
     raw = built.array().numpy().copy()
     header = _header(raw)
-    header["name"], header["grid_class"] = name.encode(), grid_class
+    header["name"], header["grid_class"] = plan.name.encode(), plan.grid_class
     header["voxel_count"] = grid.voxel_count
     leaves = _leaves(raw, values)
     order = np.lexsort(leaves["origin"].T[::-1])
@@ -195,7 +264,7 @@ def _build(
         leaves["values"][order] = values
     else:
         leaves["mask"] = 0
-    return raw if about is None else _with_blind_text(raw, about)
+    return raw if plan.about is None else _with_blind_text(raw, plan.about)
 
 
 def _header(raw: np.ndarray) -> np.ndarray:

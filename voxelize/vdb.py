@@ -9,7 +9,6 @@ memory on damaged files: they are read in a child process (vdb_child.py) unless 
 from __future__ import annotations
 
 import re
-import shutil
 import uuid
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from weft.files.atomic import atomic_write
-from weft.files.errors import DiskSpaceError, InputError
+from weft.files.errors import InputError
 
 from .grid import FiberGrid, FiberVolume
-from .grid_names import grid_names
+from .grid_files import SCHEMA_VERSION, grid_names, raise_if_disk_is_full
 from .openvdb_library import extension
 from .vdb_child import read_in_child
 
@@ -36,16 +35,15 @@ def write_volume(path: str | Path, volume: FiberVolume) -> None:
     """Write the volume; the file appears whole, read back and found equal, or not at all."""
     path, module = Path(path), extension()
     with atomic_write(path) as temporary:
+        grids = list(_leaf_grids(module, volume))
         try:
-            module.write_grids(str(temporary), list(_leaf_grids(module, volume)))
+            module.write_grids(str(temporary), grids)
             _set_unique_id(temporary, volume.content_sha256)
-            written = _to_volume(module.read_grids(str(temporary)), path)
-        except (RuntimeError, InputError) as error:
-            _raise_if_disk_is_full(path, error)
+            module.compare_grids(str(temporary), grids)
+        except RuntimeError as error:
+            # libopenvdb does not say why a write failed, and may not notice that it did
+            raise_if_disk_is_full(path, error)
             raise
-        if written.content_sha256 != volume.content_sha256:
-            _raise_if_disk_is_full(path, None)
-            raise RuntimeError(f"{path}: the file read back differs from what was written")
 
 
 def _set_unique_id(path: Path, content_sha256: str) -> None:
@@ -185,11 +183,3 @@ def _voxel_size(index_to_world: list[float]) -> float:
     if not np.allclose(matrix.reshape(4, 4), expected, rtol=1e-9, atol=0.0):
         raise ValueError("the transform is not a uniform scale about the origin with centered voxels")
     return size
-
-
-def _raise_if_disk_is_full(path: Path, error: Exception | None) -> None:
-    """libopenvdb does not say why a write failed, and may not notice that it did."""
-    if shutil.disk_usage(path.parent).free < 2**20:
-        raise DiskSpaceError(
-            "no space left on the disk", path=path, hint="Free some and run again."
-        ) from error

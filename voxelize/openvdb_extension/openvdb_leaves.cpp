@@ -79,6 +79,12 @@ void checkShapes(const LeafGrid& grid, size_t components) {
     requireThat(grid.voxelSize > 0 && std::isfinite(grid.voxelSize), grid.name + ": voxel size is not positive");
 }
 
+openvdb::math::Transform::Ptr transformOf(const LeafGrid& source) {
+    auto transform = openvdb::math::Transform::createLinearTransform(source.voxelSize);
+    transform->postTranslate(openvdb::Vec3d(source.translation[0], source.translation[1], source.translation[2]));
+    return transform;
+}
+
 template <typename GridT>
 openvdb::GridBase::Ptr buildGrid(const LeafGrid& source) {
     using LeafT = typename GridT::TreeType::LeafNodeType;
@@ -104,9 +110,7 @@ openvdb::GridBase::Ptr buildGrid(const LeafGrid& source) {
 
     auto grid = GridT::create(openvdb::zeroVal<ValueT>());
     for (auto& leaf : leaves) grid->tree().addLeaf(leaf.release());
-    auto transform = openvdb::math::Transform::createLinearTransform(source.voxelSize);
-    transform->postTranslate(openvdb::Vec3d(source.translation[0], source.translation[1], source.translation[2]));
-    grid->setTransform(transform);
+    grid->setTransform(transformOf(source));
     for (auto item = source.metadata.beginMeta(); item != source.metadata.endMeta(); ++item) {
         grid->insertMeta(item->first, *item->second);
     }
@@ -169,6 +173,54 @@ void writeGrids(const std::string& path, const std::vector<LeafGrid*>& grids) {
     }
     openvdb::io::File file(path);
     file.write(built);
+    file.close();
+}
+
+void checkSame(bool condition, const LeafGrid& grid, const char* what) {
+    if (!condition) throw std::runtime_error(grid.name + ": " + what + " differ in the file");
+}
+
+template <typename GridT>
+void compareGrid(const LeafGrid& source, const GridT& grid) {
+    using LeafT = typename GridT::TreeType::LeafNodeType;
+    using ValueT = typename GridT::ValueType;
+    constexpr size_t components = sizeof(ValueT) / sizeof(float);
+    const size_t count = source.origins.shape(0);
+    checkSame(grid.tree().leafCount() == count && !grid.tree().hasActiveTiles(), source, "leaves");
+    tbb::parallel_for(size_t(0), count, [&](size_t i) {
+        const int32_t* o = source.origins.data() + 3 * i;
+        const LeafT* leaf = grid.tree().probeConstLeaf(openvdb::Coord(o[0], o[1], o[2]));
+        checkSame(leaf != nullptr, source, "leaves");
+        for (uint32_t word = 0; word < 8; ++word) {
+            checkSame(leaf->getValueMask().template getWord<uint64_t>(word) == source.masks.data()[8 * i + word],
+                      source, "active voxels");
+        }
+        checkSame(std::memcmp(leaf->buffer().data(), source.values.data() + i * kLeafVoxels * components,
+                              kLeafVoxels * sizeof(ValueT)) == 0,
+                  source, "values");
+    });
+}
+
+// Raises where the file does not hold exactly these leaves, values, transforms and metadata.
+void compareGrids(const std::string& path, const std::vector<LeafGrid*>& sources) {
+    nb::gil_scoped_release unlocked;
+    openvdb::io::File file(path);
+    file.open(false);
+    for (const LeafGrid* source : sources) {
+        const auto grid = file.readGrid(source->name);
+        checkSame(*grid->transformPtr() == *transformOf(*source), *source, "transforms");
+        for (auto item = source->metadata.beginMeta(); item != source->metadata.endMeta(); ++item) {
+            const auto entry = (*grid)[item->first];
+            checkSame(entry && *entry == *item->second, *source, "metadata");
+        }
+        const bool scalar = source->values.ndim() == 2;
+        checkSame(scalar ? grid->isType<openvdb::FloatGrid>() : grid->isType<openvdb::Vec3SGrid>(), *source, "types");
+        if (scalar) {
+            compareGrid(*source, static_cast<const openvdb::FloatGrid&>(*grid));
+        } else {
+            compareGrid(*source, static_cast<const openvdb::Vec3SGrid&>(*grid));
+        }
+    }
     file.close();
 }
 
@@ -298,6 +350,8 @@ NB_MODULE(_openvdb, module) {
             "name"_a, "origins"_a, "masks"_a, "values"_a, nb::kw_only(), "voxel_size"_a, "translation"_a,
             "grid_class"_a = "unknown", "vector_type"_a = "invariant", "metadata"_a = nb::dict());
     module.def("write_grids", &writeGrids, "path"_a, "grids"_a, "Write all grids into one .vdb file.");
+    module.def("compare_grids", &compareGrids, "path"_a, "grids"_a,
+               "Raise RuntimeError unless the file holds exactly these grids.");
     module.def("read_grids", &readGrids, "path"_a, nb::kw_only(), "max_leaves"_a = kMaxLeaves, "with_leaves"_a = true,
                "All grids of a .vdb file: name, type, metadata, index_to_world (row vectors), and their leaves sorted "
                "by origin. `with_leaves=False` reads no tree.");

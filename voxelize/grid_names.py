@@ -1,9 +1,0 @@
-"""What the grids of a medium are called in files."""
-
-from __future__ import annotations
-
-
-def grid_names(media: tuple[str, ...], medium: str) -> tuple[str, str]:
-    """Names of the density and the direction grid; plain, as other programs expect, for a single medium."""
-    suffix = "" if len(media) == 1 else f"_{medium}"
-    return f"density{suffix}", f"fiber_dir{suffix}"
