@@ -26,10 +26,14 @@ CURVE_TYPES = (b"C0", b"PL")
 def read_bcc(path: str | Path, *, scale_to_mm: float, radius_mm: float, type_name: str = "yarn") -> YarnSet:
     """Read yarns; `scale_to_mm` is the length of one file unit [mm]. A z-up file is turned to y up."""
     path = Path(path)
-    data = _read_bytes(path)
-    up_axis, curve_count, point_count = _read_header(data, path)
+    try:
+        with open(path, "rb") as file:
+            up_axis, curve_count, point_count = _read_header(file.read(HEADER.size), path)
+            data = file.read()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", path=path) from None
     first, counts, closed = _find_curves(data, curve_count, point_count, path)
-    values = np.frombuffer(data, dtype="<f4", offset=HEADER.size)
+    values = np.frombuffer(data, dtype="<f4")
     curves = [
         values[begin : begin + 3 * count].reshape(-1, 3).astype(np.float64)
         for begin, count in zip(first, counts, strict=True)
@@ -48,13 +52,6 @@ def read_bcc(path: str | Path, *, scale_to_mm: float, radius_mm: float, type_nam
 def turned_to_y_up(points: np.ndarray, up_axis: int) -> np.ndarray:
     """Points with axis `up_axis` (1 = y, 2 = z) up, turned so that y is up; right-handed as before."""
     return points if up_axis == 1 else np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
-
-
-def _read_bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", path=path) from None
 
 
 def _read_header(data: bytes, path: Path) -> tuple[int, int, int]:
@@ -76,10 +73,9 @@ def _read_header(data: bytes, path: Path) -> tuple[int, int, int]:
     if up_axis not in (1, 2):
         raise InputError(f"up axis {up_axis}; need 1 (y) or 2 (z)", path=path, place="byte 7")
     needed = HEADER.size + 4 * curve_count + 12 * point_count
-    if needed != len(data):
-        what = (
-            f"{curve_count} curves of {point_count} points need {needed} bytes, but the file has {len(data)}"
-        )
+    size = path.stat().st_size
+    if needed != size:
+        what = f"{curve_count} curves of {point_count} points need {needed} bytes, but the file has {size}"
         raise InputError(f"{what}. Is it truncated?", path=path, place="byte 8")
     refuse_too_many_points(point_count, "the file", path=path)
     return up_axis, curve_count, point_count
@@ -89,7 +85,7 @@ def _find_curves(
     data: bytes, curve_count: int, point_count: int, path: Path
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Per curve: index of its first float after the header, number of points, whether it is a loop."""
-    words = np.frombuffer(data, dtype="<i4", offset=HEADER.size)
+    words = np.frombuffer(data, dtype="<i4")
     first, counts = np.empty(curve_count, np.int64), np.empty(curve_count, np.int64)
     closed = np.empty(curve_count, bool)
     at = 0
