@@ -32,9 +32,9 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         _flush_to_disk(temporary)
         os.replace(temporary, path)
     except OSError as error:
-        if error.errno == errno.ENOSPC:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
             hint = "Free some and run again."
-            raise DiskSpaceError("no space left on the disk", path=path, hint=hint) from error
+            raise DiskSpaceError("no space left on the disk.", path=path, hint=hint) from error
         raise
     finally:
         temporary.unlink(missing_ok=True)

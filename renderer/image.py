@@ -6,6 +6,7 @@ copies on the way out, and a check of what was written.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -29,7 +30,9 @@ def write_exr(path: str | Path, channels: Mapping[str, np.ndarray], attributes: 
             with OpenEXR.File(header, dict(arrays)) as file:  # it replaces the dict's values
                 file.write(str(temporary))
         except RuntimeError as error:
-            raise OSError(f"OpenEXR could not write {path}: {error}") from error
+            # OpenEXR has no error numbers; a full disk has its own exit code
+            number = errno.ENOSPC if "No space left" in str(error) else errno.EIO
+            raise OSError(number, f"OpenEXR could not write {path}: {error}") from error
         written, _ = read_exr(temporary)
         for name, data in arrays.items():
             if not np.array_equal(written[name], data, equal_nan=True):
