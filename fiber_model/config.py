@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+
+SETTINGS = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
 
-class FibersConfig(BaseModel):
+class FiberValues(BaseModel):
     """Plies, fibers and fly-aways of a yarn. Lengths in mm; a preset gives the first 24 values.
 
     A positive pitch turns counterclockwise around the yarn as it advances (a right-handed helix, Z twist).
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+    model_config = SETTINGS
 
     preset: str | None = None
     """Name of the table of presets/fibers/ that the values came from; the caller merges it."""
@@ -97,14 +99,39 @@ class FibersConfig(BaseModel):
     """Longest fiber segment, measured along the yarn. Default: from `sagitta_in_fiber_radii`."""
     sagitta_in_fiber_radii: float = Field(default=0.25, gt=0)
     """Largest distance of a typical fiber from its segments, where `segment_mm` is not given."""
+
+
+if TYPE_CHECKING:
+
+    class FiberTypeConfig(BaseModel):
+        """What the call below makes, as far as type checkers need to know."""
+
+else:
+    FiberTypeConfig = create_model(
+        "FiberTypeConfig",
+        __config__=SETTINGS,
+        __doc__="Values of one yarn type that differ from those of the others; keys as in [fibers].",
+        # the trailing None is there because Annotated wants at least one remark
+        **{
+            name: (
+                Annotated[field.annotation, *field.metadata, None] | None,
+                Field(None, description=field.description),
+            )
+            for name, field in FiberValues.model_fields.items()
+        },
+    )
+
+
+class FibersConfig(FiberValues):
+    """Plies, fibers and fly-aways along all yarns."""
+
     stretch_segments: int = Field(default=24, ge=1, le=256)
     """Segments per stretch, the piece of yarn that is made at a time."""
     hair_segments: int = Field(default=8, ge=1, le=256)
     """Segments per hair."""
     seed: int = Field(default=0, ge=0, lt=2**32)
     """Everything random is a function of this, the yarn, the fiber and the event."""
-
-    by_type: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    by_type: dict[str, FiberTypeConfig] = Field(default_factory=dict)
     """Other values for some yarn types, by name: `[fibers.by_type.weft]` with keys as in this table."""
 
     @model_validator(mode="before")
@@ -117,18 +144,9 @@ class FibersConfig(BaseModel):
             )
         return values
 
-    @model_validator(mode="after")
-    def _types_are_valid(self) -> FibersConfig:
-        for name in self.by_type:
-            self.for_type(name)
-        return self
-
     def for_type(self, name: str) -> FibersConfig:
         """The settings of one yarn type: these, with that type's own values on top."""
         own = self.by_type.get(name)
         if own is None:
             return self
-        shared = sorted({"seed", "stretch_segments", "hair_segments", "by_type"} & set(own))
-        if shared:
-            raise ValueError(f"by_type.{name}: {', '.join(shared)} must be the same for all yarn types")
-        return FibersConfig(**{**self.model_dump(exclude={"by_type"}), **own})
+        return self.model_copy(update=own.model_dump(exclude_unset=True))

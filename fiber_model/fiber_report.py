@@ -77,18 +77,18 @@ def _warnings(plans: list[YarnPlan], ratios: np.ndarray, folded: int, demand: fl
     if off.any():
         worst = ratios[off][np.argmax(np.abs(np.log(ratios[off])))]
         found.append(
-            f"fibers: {off.sum()} of {len(plans)} yarns have {worst:.2g} times the radius of the plies as "
+            f"{off.sum()} of {len(plans)} yarns have {worst:.2g} times the radius of the plies as "
             f"fitted; cloth looks right from {low} to {high}. Set fibers.scale = 'fit_radius', or change the "
             "yarns' radius."
         )
     if folded:
         found.append(
-            f"fibers: at {folded} nodes the yarn bends tighter than its own radius; fibers on the inner side "
+            f"at {folded} nodes the yarn bends tighter than its own radius; fibers on the inner side "
             "were squeezed together there. Check the yarns' radius and units."
         )
     if demand > 1.0:
         found.append(
-            f"fibers: {demand:.2g} loops are asked for in each migration period of a fiber, and one fits; "
+            f"{demand:.2g} loops are asked for in each migration period of a fiber, and one fits; "
             f"{1 / demand:.0%} of the loops are made. Lower fibers.fuzz or fibers.loop_density_per_mm."
         )
     return found

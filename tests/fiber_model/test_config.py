@@ -80,6 +80,7 @@ def test_refuses_unknown_keys_and_impossible_values(fiber_config) -> None:
         {"scale": "big"},
         {"by_type": {"weft": {"fuz": 1}}},
         {"by_type": {"weft": {"seed": 1}}},
+        {"by_type": {"weft": {"plies": 0}}},
     ):
         with pytest.raises(ValidationError):
             fiber_config("cotton1", **values)
@@ -87,3 +88,19 @@ def test_refuses_unknown_keys_and_impossible_values(fiber_config) -> None:
 
 def test_every_key_is_described() -> None:
     assert all(field.description for field in FibersConfig.model_fields.values())
+
+
+def test_a_yarn_type_changes_only_its_own_values(fiber_config) -> None:
+    config = fiber_config("cotton1", by_type={"weft": {"plies": 2, "fiber_count_scale": 3.0}})
+    assert config.for_type("warp") is config
+    changed = {k: v for k, v in config.for_type("weft") if v != getattr(config, k)}
+    assert changed == {"plies": 2, "fiber_count_scale": 3.0}
+
+
+def test_errors_name_the_key_of_the_yarn_type(fiber_config) -> None:
+    with pytest.raises(ValidationError) as error:
+        fiber_config("cotton1", by_type={"weft": {"plies": -1, "fuz": 1}})
+    assert [e["loc"] for e in error.value.errors()] == [
+        ("by_type", "weft", "plies"),
+        ("by_type", "weft", "fuz"),
+    ]
