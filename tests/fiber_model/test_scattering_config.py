@@ -7,9 +7,9 @@ from math import degrees
 
 import pytest
 from pydantic import ValidationError
-from weft.fiber_model.scattering_config import ScatteringConfig
 
 from tests.fiber_model.scattering_cases import PRESET_NAMES, preset
+from weft.fiber_model.scattering_config import ScatteringConfig
 
 TABLE = {
     "longitudinal_width_r_deg": 6,

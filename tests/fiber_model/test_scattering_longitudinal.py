@@ -6,14 +6,14 @@ from math import radians
 
 import numpy as np
 import pytest
+
+from tests.fiber_model.sphere_bins import gauss_points
 from weft.fiber_model.scattering_longitudinal import (
     gaussian_eval,
     gaussian_sample,
     vmf_eval,
     vmf_sample,
 )
-
-from tests.fiber_model.sphere_bins import gauss_points
 
 BETAS = [radians(beta) for beta in (0.5, 1, 6, 12, 24, 40, 60)]
 THETAS = np.radians([0.0, 30, -60, 85, -89, 90])

@@ -102,7 +102,7 @@ def test_normalization_is_exact_for_every_width():
         np.testing.assert_allclose(value, exact, rtol=3e-6)
 
 
-CHI_SQUARE = list(itertools.product([*CORNERS, "reference", "khungurn2015_silk"], (0.0, 50.0, -89.0)))
+CHI_SQUARE = list(itertools.product([*CORNERS, "reference", "khungurn2015_silk"], (50.0, -89.0)))
 
 
 def chi_square(name, theta_o, count, draw_from=draw):
@@ -124,8 +124,8 @@ def test_samples_of_philox_follow_the_pdf():
 def test_rejection_ends_soon(name):
     """Two tries per turn, each accepted with probability 0.65 or more, so 12 turns leave 1e-11.
 
-    Turns are read off the dimension counter. Of 40,000 samples at worst 0.35² x 40,000 = 4,900 need a second turn;
-    5 standard errors are 330.
+    Turns are read off the dimension counter. Of 40,000 samples at worst 0.35² x 40,000 = 4,900 need a second
+    turn; 5 standard errors are 330.
     """
     wo = np.concatenate([np.tile(direction(radians(theta), 0.0), (10_000, 1)) for theta in (0, 60, 85, 89.9)])
     keys = random_keys(len(wo), seed=29)
@@ -200,7 +200,7 @@ def test_many_bounces_equal_the_powers_of_the_kernel(name, bounces):
     the chi-square below 1e-4.
     """
     parameters = MEDIA[name]
-    edges = np.linspace(-np.pi / 2, np.pi / 2, 101)
+    edges = np.linspace(-np.pi / 2, np.pi / 2, 61)
     kernels, theta = bounce_kernels(parameters, edges)
     start = np.argmin(np.abs(theta - 0.9))
     expected = np.array([(np.linalg.matrix_power(kernel, bounces)[start]) for kernel in kernels])
@@ -214,8 +214,8 @@ def test_many_bounces_equal_the_powers_of_the_kernel(name, bounces):
     error = throughput.std(axis=0) / np.sqrt(len(throughput))
     assert np.all(np.abs(throughput.mean(axis=0) - expected.sum(axis=1)) < 5 * error + 2e-5)
     if name != "khungurn2015_fleece":
-        masses = expected[0].reshape(len(edges) - 1, -1).sum(axis=1).reshape(25, 4).sum(axis=1)
-        landed = np.histogram(np.arctan2(wi[:, 0], np.hypot(wi[:, 1], wi[:, 2])), edges[::4])[0]
+        masses = expected[0].reshape(len(edges) - 1, -1).sum(axis=1).reshape(20, 3).sum(axis=1)
+        landed = np.histogram(np.arctan2(wi[:, 0], np.hypot(wi[:, 1], wi[:, 2])), edges[::3])[0]
         assert stats.chisquare(landed, masses / masses.sum() * landed.sum()).pvalue > 1e-4
 
 
