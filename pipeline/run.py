@@ -38,7 +38,7 @@ def run_chain(
     job: Job, chain: Chain, targets: Sequence[str], *, report: Reporter, force: bool = False
 ) -> list[Outcome]:
     """Make the targets and all they need, skipping what is fresh."""
-    with _alone_in(job.output):
+    with _alone_in(job.output, report):
         return [
             _freshen(chain[name], job, chain, report, force=force) for name in needed(job, chain, targets)
         ]
@@ -46,7 +46,7 @@ def run_chain(
 
 def run_one(job: Job, chain: Chain, target: str, *, report: Reporter, force: bool = False) -> Outcome:
     """Make one stage from the results of earlier stages as they are; they must exist."""
-    with _alone_in(job.output):
+    with _alone_in(job.output, report):
         for name in needed(job, chain, [target])[:-1]:
             if chain[name].made_when_needed:
                 _freshen(chain[name], job, chain, report)
@@ -156,7 +156,7 @@ def _record(
 
 
 @contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
+def _alone_in(folder: Path, report: Reporter) -> Iterator[None]:
     """One run at a time in an output folder; leftovers of killed runs are removed first."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -166,8 +166,10 @@ def _alone_in(folder: Path) -> Iterator[None]:
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
+        except BlockingIOError as error:
             raise InputError("another weft run is working in this folder", path=shown(folder)) from error
+        except OSError:
+            report.note(f"note: {shown(folder)} cannot be locked; run one weft at a time in it")
         _remove_leftovers(folder)
         yield
 

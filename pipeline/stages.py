@@ -69,6 +69,7 @@ def export_fibers(work: StageWork) -> dict[str, Any]:
 
 
 def make_volume(work: StageWork) -> dict[str, Any]:
+    from weft.voxelize.accumulator import DEVICE
     from weft.voxelize.voxelize import run
 
     fibers = fiber_set(work)
@@ -81,6 +82,7 @@ def make_volume(work: StageWork) -> dict[str, Any]:
         "summary": f"{_count(volume.brick_count, 'brick')}, {report.generated_length_mm / 1000:.4g} m of "
         f"fiber, held by the grid to {abs(report.relative_difference):.0e}",
         **_plain(report),
+        "device": DEVICE,
         "length_relative_difference": report.relative_difference,
         "content_sha256": volume.content_sha256,
         "media": list(volume.media),
