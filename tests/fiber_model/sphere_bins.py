@@ -121,6 +121,18 @@ def fiber_bins(
     return SphereBins(thetas[cut], phi_edges, masses, *_sectors(cells.sum(axis=0), phis, sectors))
 
 
+def fiber_means(parameters: FiberScatteringParameters, theta_o: float, functions: Callable) -> np.ndarray:
+    """∫ pdf functions(theta, phi) over the sphere, one number per function; phi from the center of TT."""
+    wo = direction(theta_o, 0.0)
+
+    def weighted(theta, phi):
+        pdf = fiber_phase_pdf(parameters, wo, direction(theta, phi + np.pi))
+        return np.stack([pdf * value for value in functions(theta, phi)], axis=-1)
+
+    cells = cell_integrals(weighted, theta_knots(parameters, theta_o), phi_knots(parameters))
+    return cells.sum(axis=(0, 1))
+
+
 def _sectors(masses: np.ndarray, knots: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
     cut = _equal_cut(masses, parts)
     return knots[cut], np.add.reduceat(masses, cut[:-1])

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from tests.fiber_model.scattering_cases import CORNERS, PRESET_NAMES, gray, preset
-from tests.fiber_model.sphere_bins import angles_from_tt, direction, fiber_bins, gauss_points
+from tests.fiber_model.sphere_bins import angles_from_tt, direction, fiber_bins, fiber_means, gauss_points
 from tests.renderer.shaders.fiber_probes import draw_probe, fiber_probe, random_keys
 from weft.fiber_model.scattering import (
     fiber_phase_albedo,
@@ -114,6 +114,28 @@ def chi_square(name, theta_o, count, draw_from=draw):
 @pytest.mark.parametrize("case", CHI_SQUARE)
 def test_samples_follow_the_pdf(case):
     assert chi_square(*case, 100_000) > ALPHA / len(CHI_SQUARE)
+
+
+MOMENTS = (
+    lambda theta, phi: np.sin(theta),
+    lambda theta, phi: np.sin(theta) ** 2,
+    lambda theta, phi: np.cos(phi),
+    lambda theta, phi: np.cos(2 * phi),
+    lambda theta, phi: np.sin(phi),
+    lambda theta, phi: np.cos(theta) * np.cos(phi),
+)
+
+
+@pytest.mark.parametrize("name", MEDIA)
+def test_samples_have_the_pdf_s_moments(name):
+    """z-tests of six means, phi from the center of TT; all 20 media together fail by chance below 1e-4."""
+    parameters, theta_o = MEDIA[name], radians(-40)
+    wo = direction(theta_o, 0.0)
+    means = fiber_means(parameters, theta_o, lambda theta, phi: [moment(theta, phi) for moment in MOMENTS])
+    wi = draw(INDEX[name], wo, random_keys(100_000, seed=41))[0].astype(np.float64)
+    for moment, mean in zip(MOMENTS, means, strict=True):
+        values = moment(*angles_from_tt(wi))
+        assert abs(values.mean() - mean) < 5 * values.std() / np.sqrt(len(values)) + 2e-6
 
 
 def test_samples_of_philox_follow_the_pdf():
