@@ -18,7 +18,7 @@ BRICK_BYTES = BRICK_VOXELS * (4 + 12) + 12
 COPIES = 2.3
 """How often the bricks are held at the worst moment: here, and as a tree while a file is written."""
 
-MAX_CELL_PAIRS = 4_000_000
+MAX_CELL_PAIRS = 2_000_000
 """Pairs of box and cell looked at in the estimate; larger cells are taken until there are fewer."""
 
 

@@ -17,7 +17,7 @@ from .tiles import TileWork, VoxelBox
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
 
-SEGMENTS_PER_BLOCK = 512
+SEGMENTS_PER_BLOCK = 64
 """Consecutive explicit segments that share one box."""
 
 
