@@ -90,11 +90,11 @@ def _estimate(job: Job, fibers: FiberSet) -> str:
 
 def _environments(job: Job) -> Iterator[str]:
     """Read the pictures that light the scene."""
-    from weft.renderer.image import read_rgb
+    from weft.renderer.environment import load_environment
 
     for light in job.table("render").lights:
         if light.kind == "environment":
-            height, width, _ = read_rgb(light.file).shape
+            height, width, _ = load_environment(light.file).shape
             yield f"render: {shown(light.file)} is {width} x {height}"
 
 

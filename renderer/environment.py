@@ -15,6 +15,8 @@ from weft.files.errors import InputError
 from .config import ConstantLight, EnvironmentLight, Light, SkyLight, StudioLight
 from .image import read_rgb
 
+ROUNDED_BELOW_ZERO = 1e-4
+"""Part of a picture's light that may lie below zero and is cut off: lossy compression (DWA) rounds there."""
 MAX_ROWS = 1024
 PROCEDURAL_ROWS = 256
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -64,8 +66,9 @@ def load_environment(path: Path) -> np.ndarray:
         raise InputError(
             f"the picture is {columns} x {rows}; an environment must be twice as wide as high.", path=path
         )
-    if not np.isfinite(picture).all() or picture.min() < 0:
+    if not np.isfinite(picture).all() or -np.minimum(picture, 0).sum() > ROUNDED_BELOW_ZERO * picture.sum():
         raise InputError("the picture holds values that are negative or not finite.", path=path)
+    picture = np.maximum(picture, 0)
     while rows > MAX_ROWS and rows % 2 == 0:
         weight = texel_solid_angles(rows)[:, None, None]
         sums = (picture * weight).reshape(rows // 2, 2, columns // 2, 2, 3).sum(axis=(1, 3))

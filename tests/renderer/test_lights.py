@@ -169,6 +169,16 @@ def test_wrong_pictures_are_refused(tmp_path):
         load_environment(tmp_path / "hole.exr")
 
 
+def test_rounding_below_zero_by_lossy_compression_is_cut_off(tmp_path):
+    picture = np.ones((4, 8))
+    picture[0, 0] = -1e-5
+    write_exr(tmp_path / "lossy.exr", dict.fromkeys("RGB", picture), {})
+    assert load_environment(tmp_path / "lossy.exr").min() == 0
+    write_exr(tmp_path / "normals.exr", dict.fromkeys("RGB", np.linspace(-1, 1.2, 32).reshape(4, 8)), {})
+    with pytest.raises(InputError, match=r"negative or not finite"):
+        load_environment(tmp_path / "normals.exr")
+
+
 def test_studio_follows_the_camera():
     """Turning the camera turns the softboxes with it."""
     front = build_light_table([StudioLight()], AXES).environment
