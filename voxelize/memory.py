@@ -15,6 +15,8 @@ from .tiles import VoxelBox, cells_touched, clip_boxes, voxel_boxes
 BRICK_BYTES = BRICK_VOXELS * (4 + 12) + 12
 """Density, direction and origin of one brick."""
 
+CGROUP = Path("/sys/fs/cgroup")
+
 COPIES = 2.3
 """How often the bricks are held at the worst moment: here, and as a tree while a file is written."""
 
@@ -39,9 +41,8 @@ def _proc_available() -> int | None:
 
 
 def _cgroup_available(limit_name: str, usage_name: str) -> int | None:
-    root = Path("/sys/fs/cgroup")
     try:
-        limit, usage = (root / limit_name).read_text().strip(), (root / usage_name).read_text().strip()
+        limit, usage = (CGROUP / limit_name).read_text().strip(), (CGROUP / usage_name).read_text().strip()
     except OSError:
         return None
     return None if limit == "max" else max(int(limit) - int(usage), 0)
@@ -74,7 +75,8 @@ def refuse_what_does_not_fit(
     if needed <= available:
         return
     room = max(available - fixed_bytes, 0.05 * available)
-    coarser = voxel_size_mm * ((needed - fixed_bytes) / room) ** (1 / 3)
+    # a tenth more than the inverse cube says, since coarser bricks also reach farther beyond the fibers
+    coarser = 1.1 * voxel_size_mm * ((needed - fixed_bytes) / room) ** (1 / 3)
     raise InputError(
         f"voxelize: voxels of {voxel_size_mm:g} mm may need {_gibibytes(needed)} "
         f"but {_gibibytes(available)} are available; "

@@ -21,7 +21,7 @@ from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
 from .grid import BRICK_SIZE, BRICK_VOXELS, FiberGrid, FiberVolume
-from .grid_files import SCHEMA_VERSION, grid_names, raise_if_disk_is_full
+from .grid_files import SCHEMA_VERSION, grid_names
 
 BLIND_NAME = b"weft"
 CLASS_UNKNOWN, CLASS_FOG_VOLUME = 0, 2
@@ -127,9 +127,7 @@ def write_volume(path: str | Path, volume: FiberVolume) -> None:
     with atomic_write(path) as temporary:
         written = _write_segment(temporary, volume)
         if _grid_hashes(temporary) != written:
-            error = RuntimeError(f"{path}: the file read back differs from what was written")
-            raise_if_disk_is_full(path, error)
-            raise error
+            raise RuntimeError(f"{path}: the file read back differs from what was written")
 
 
 def read_volume(path: str | Path, *, verify: bool = True) -> FiberVolume:

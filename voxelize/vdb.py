@@ -1,6 +1,6 @@
 """Volumes in .vdb files.
 
-Per medium a float grid `density` (fog volume) and a Vec3S grid `fiber_dir` (contravariant_relative, unit
+Per medium a float grid `density` (fog volume) and a Vec3S grid `fiber_dir` (contravariant relative, unit
 length, one hemisphere); `density_<medium>` and `fiber_dir_<medium>` where there are several. Millimeters
 throughout. Files carry a content hash, since .vdb itself has no checksum. libopenvdb may hang or exhaust
 memory on damaged files: they are read in a child process (vdb_child.py) unless the caller vouches for them.
@@ -21,7 +21,7 @@ from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
 from .grid import FiberGrid, FiberVolume
-from .grid_files import SCHEMA_VERSION, grid_names, raise_if_disk_is_full
+from .grid_files import SCHEMA_VERSION, grid_names
 from .openvdb_library import extension
 from .vdb_child import read_in_child
 
@@ -36,14 +36,9 @@ def write_volume(path: str | Path, volume: FiberVolume) -> None:
     path, module = Path(path), extension()
     with atomic_write(path) as temporary:
         grids = list(_leaf_grids(module, volume))
-        try:
-            module.write_grids(str(temporary), grids)
-            _set_unique_id(temporary, volume.content_sha256)
-            module.compare_grids(str(temporary), grids)
-        except RuntimeError as error:
-            # libopenvdb does not say why a write failed, and may not notice that it did
-            raise_if_disk_is_full(path, error)
-            raise
+        module.write_grids(str(temporary), grids)
+        _set_unique_id(temporary, volume.content_sha256)
+        module.compare_grids(str(temporary), grids)
 
 
 def _set_unique_id(path: Path, content_sha256: str) -> None:
@@ -119,7 +114,7 @@ def _leaf_grids(module: ModuleType, volume: FiberVolume) -> Iterable[Any]:
             density, grid.origins, grid.masks, grid.density, grid_class="fog volume", **place
         )
         yield module.LeafGrid(
-            direction, grid.origins, grid.masks, grid.direction, vector_type="contravariant_relative", **place
+            direction, grid.origins, grid.masks, grid.direction, vector_type="contravariant relative", **place
         )
 
 

@@ -15,7 +15,10 @@
 #include <tbb/parallel_sort.h>
 
 #include <array>
+#include <cerrno>
+#include <cmath>
 #include <cstring>
+#include <fstream>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -115,9 +118,16 @@ openvdb::GridBase::Ptr buildGrid(const LeafGrid& source) {
         grid->insertMeta(item->first, *item->second);
     }
     grid->setName(source.name);
-    grid->setGridClass(openvdb::GridBase::stringToGridClass(source.gridClass));
+    // both conversions take an unknown name for "unknown" or "invariant" without a word
+    const auto gridClass = openvdb::GridBase::stringToGridClass(source.gridClass);
+    requireThat(openvdb::GridBase::gridClassToString(gridClass) == source.gridClass,
+                source.name + ": no grid class '" + source.gridClass + "'");
+    grid->setGridClass(gridClass);
     grid->setCreator("weft");
-    if (components == 3) grid->setVectorType(openvdb::GridBase::stringToVecType(source.vectorType));
+    const auto vectorType = openvdb::GridBase::stringToVecType(source.vectorType);
+    requireThat(openvdb::GridBase::vecTypeToString(vectorType) == source.vectorType,
+                source.name + ": no vector type '" + source.vectorType + "'");
+    if (components == 3) grid->setVectorType(vectorType);
     return grid;
 }
 
@@ -163,17 +173,49 @@ nb::dict fromMetaMap(const openvdb::MetaMap& map) {
     return values;
 }
 
-void writeGrids(const std::string& path, const std::vector<LeafGrid*>& grids) {
-    nb::gil_scoped_release unlocked;
-    openvdb::GridPtrVec built;
+// io::File::write does not notice a stream that fails; this does.
+class CheckedArchive : public openvdb::io::Archive {
+public:
+    void writeTo(std::ostream& stream, const openvdb::GridCPtrVec& grids) const { write(stream, grids, true); }
+};
+
+// 0, or the errno of the write that failed.
+int writeStream(const std::string& path, const openvdb::GridCPtrVec& grids) {
+    std::ofstream stream(path, std::ios::binary);
+    try {
+        errno = 0;
+        stream.exceptions(std::ios::failbit | std::ios::badbit);
+        CheckedArchive().writeTo(stream, grids);
+        stream.flush();
+        return 0;
+    } catch (const std::ios_base::failure&) {
+        const int code = errno ? errno : EIO;
+        stream.exceptions(std::ios::goodbit);
+        return code;
+    }
+}
+
+openvdb::GridCPtrVec buildGrids(const std::vector<LeafGrid*>& grids) {
+    openvdb::GridCPtrVec built;
     for (const LeafGrid* grid : grids) {
         requireThat(grid->values.ndim() == 2 || grid->values.ndim() == 3, grid->name + ": values have 2 or 3 axes");
         built.push_back(grid->values.ndim() == 2 ? buildGrid<openvdb::FloatGrid>(*grid)
                                                  : buildGrid<openvdb::Vec3SGrid>(*grid));
     }
-    openvdb::io::File file(path);
-    file.write(built);
-    file.close();
+    return built;
+}
+
+void writeGrids(const std::string& path, const std::vector<LeafGrid*>& grids) {
+    int code = 0;
+    {
+        nb::gil_scoped_release unlocked;
+        code = writeStream(path, buildGrids(grids));
+    }
+    if (code != 0) {
+        errno = code;
+        PyErr_SetFromErrnoWithFilename(PyExc_OSError, path.c_str());
+        throw nb::python_error();
+    }
 }
 
 void checkSame(bool condition, const LeafGrid& grid, const char* what) {
@@ -347,7 +389,7 @@ NB_MODULE(_openvdb, module) {
                 new (self) LeafGrid{std::move(name), origins, masks, values, voxelSize, translation,
                                     std::move(gridClass), std::move(vectorType), toMetaMap(metadata)};
             },
-            "name"_a, "origins"_a, "masks"_a, "values"_a, nb::kw_only(), "voxel_size"_a, "translation"_a,
+            "name"_a, "origins"_a.noconvert(), "masks"_a.noconvert(), "values"_a.noconvert(), nb::kw_only(), "voxel_size"_a, "translation"_a,
             "grid_class"_a = "unknown", "vector_type"_a = "invariant", "metadata"_a = nb::dict());
     module.def("write_grids", &writeGrids, "path"_a, "grids"_a, "Write all grids into one .vdb file.");
     module.def("compare_grids", &compareGrids, "path"_a, "grids"_a,
