@@ -16,6 +16,10 @@ def _three_channels(value: Any) -> Any:
     return (value, value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
+def _none_for_uniform(value: Any) -> Any:
+    return None if value == "uniform" else value
+
+
 def _without_symmetric(value: Any) -> Any:
     if value == "symmetric":
         raise PydanticCustomError(
@@ -32,6 +36,10 @@ Color = Annotated[
 ]
 LongitudinalWidth = Annotated[float, Field(ge=0.5, le=60)]
 AzimuthalWidth = Annotated[float, Field(ge=2, le=300)]
+AzimuthalWidthOrUniform = Annotated[
+    AzimuthalWidth | None,
+    BeforeValidator(_none_for_uniform, json_schema_input_type=AzimuthalWidth | Literal["uniform"]),
+]
 Longitudinal = Annotated[Literal["gaussian", "vmf"], BeforeValidator(_without_symmetric)]
 
 
@@ -51,8 +59,8 @@ class LobesConfig(BaseModel):
     """Width of the TRT lobe along the fiber, beta_TRT."""
     azimuthal_width_tt_deg: AzimuthalWidth
     """Width of the TT lobe around the fiber, gamma_TT; about 30 for a smooth cylinder, above 200 uniform."""
-    azimuthal_width_trt_deg: AzimuthalWidth | Literal["uniform"] = "uniform"
-    """Width of the TRT lobe around the fiber, gamma_TRT; "uniform" as in the thesis."""
+    azimuthal_width_trt_deg: AzimuthalWidthOrUniform = None
+    """Width of the TRT lobe around the fiber, gamma_TRT; default "uniform", as in the thesis."""
     fresnel_r: Color
     """Reflectance at normal incidence F_R; it rises to one at grazing angles (Schlick)."""
     fresnel_tt: Fraction
@@ -75,7 +83,7 @@ class LobesConfig(BaseModel):
             longitudinal_width_tt=math.radians(self.longitudinal_width_tt_deg),
             longitudinal_width_trt=math.radians(self.longitudinal_width_trt_deg),
             azimuthal_width_tt=math.radians(self.azimuthal_width_tt_deg),
-            azimuthal_width_trt=None if around_trt == "uniform" else math.radians(around_trt),
+            azimuthal_width_trt=None if around_trt is None else math.radians(around_trt),
             fresnel_r=self.fresnel_r,
             fresnel_tt=self.fresnel_tt,
             color_r=self.color_r,

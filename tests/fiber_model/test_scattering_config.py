@@ -62,6 +62,13 @@ def test_presets_take_color_overrides(name):
     assert preset(name, color_tt=0.5).color_tt == (0.5, 0.5, 0.5)
 
 
+def test_trt_is_uniform_unless_it_has_a_width():
+    assert preset("reference").azimuthal_width_trt is None
+    assert preset("reference", azimuthal_width_trt_deg="uniform").azimuthal_width_trt is None
+    width = preset("reference", azimuthal_width_trt_deg=40).azimuthal_width_trt
+    assert degrees(width) == pytest.approx(40)
+
+
 def test_types_have_lobes_of_their_own():
     config = ScatteringConfig(**TABLE, by_type={"warp": {**TABLE, "fresnel_r": 0.2}})
     assert config.parameters_for("warp").fresnel_r == (0.2, 0.2, 0.2)
@@ -75,6 +82,7 @@ def test_types_have_lobes_of_their_own():
         ({"fresnel_r": 1.5}, "less than or equal to 1"),
         ({"longitudinal_width_tt_deg": 0.1}, "greater than or equal to 0.5"),
         ({"azimuthal_width_tt_deg": float("nan")}, "finite"),
+        ({"azimuthal_width_trt_deg": 500}, "less than or equal to 300"),
         ({"colour_tt": 1}, "Extra inputs"),
     ],
 )
