@@ -19,7 +19,7 @@ from .gpu.shader_source import Constant
 from .lights import LightTable, build_light_table
 from .scattering_block import pack_scattering
 
-SHADOW_ROULETTE = 0.25
+SHADOW_ROULETTE = 0.4
 """Transmittance below which a shadow ray survives by roulette (shaders/path/segments.glsl)."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -22,7 +23,15 @@ from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 
 from .statistics import Z_LIMIT, picture_mean, welch_z, z_score
-from .volumes import VOXEL_MM, projected_extinction, random_grid, uniform_grid, volume
+from .volumes import (
+    VOXEL_MM,
+    exact_optical_depth,
+    projected_extinction,
+    random_grid,
+    ray_pieces,
+    uniform_grid,
+    volume,
+)
 
 pytestmark = pytest.mark.gl
 
@@ -140,6 +149,38 @@ def test_single_scattering_with_light_from_the_side(toward):
     assert abs(z_score(result, expected)) < Z_LIMIT
 
 
+@pytest.mark.parametrize("tracking", ["exact", "delta"])
+@pytest.mark.parametrize("toward", [(0.4, 1.0, -0.7), (-0.8, -0.3, 0.6)])
+def test_single_scattering_in_a_random_volume(tracking, toward):
+    """Along one slanted line: collisions and shadow depths from the stored values, in numpy."""
+    grid = random_grid((3, 3, 3), seed=61, peak=0.4, brick_fill=0.8)
+    view = np.array([0.3, 0.5, 1.0])
+    config = RenderConfig(
+        resolution=(32, 32),
+        samples_per_pixel=256,
+        seed=4,
+        max_bounces=1,
+        camera=OrthographicCamera(view_direction=tuple(view), frame_width_mm=1e-5),
+        lights=[DirectionalLight(direction=toward)],
+        tracking=tracking,
+    )
+    result = run(config, volume(grid), {"a": IsotropicPhase()})
+    view /= np.linalg.norm(view)
+    start = volume(grid).bounds_mm.mean(axis=0) + 5 * view
+    ((t, sigma),) = ray_pieces(grid, start[None], -view[None])
+    # equal steps within each piece, fine enough for the shadow depth to be linear in them
+    fine = np.concatenate([np.linspace(a, b, 12) for a, b in itertools.pairwise(t)])
+    middle, length = (fine[1:] + fine[:-1]) / 2, np.diff(fine)
+    local = sigma[np.clip(np.searchsorted(t, middle) - 1, 0, len(sigma) - 1)]
+    before = np.cumsum(local * length) - local * length
+    light = np.array(toward) / np.linalg.norm(toward)
+    met = (local > 0) & (length > 0)
+    places = start - middle[met, None] * view
+    shadow = exact_optical_depth(grid, places, np.broadcast_to(light, places.shape))
+    collided = np.exp(-before[met]) * -np.expm1(-local[met] * length[met])
+    assert abs(z_score(result, (collided * np.exp(-shadow)).sum() / (4 * math.pi))) < Z_LIMIT
+
+
 def scenery(seed=5, **settings):
     """Everything at once: narrow lobes, several kinds of light, a random volume."""
     defaults = {
@@ -169,9 +210,38 @@ def test_all_estimators_agree(usual, tracking, sampling):
         assert abs(welch_z(usual, other, channel=channel)) < Z_LIMIT
 
 
-def test_russian_roulette_keeps_the_mean(usual):
-    other = scenery(seed=7, roulette_start=1000)
-    assert abs(welch_z(usual, other)) < Z_LIMIT
+def test_shadow_estimators_agree_to_a_few_thousandths():
+    """Ratio tracking against exact depth, where nothing else is random but the first collision."""
+    pictures = [
+        run(
+            RenderConfig(
+                resolution=(32, 32),
+                samples_per_pixel=768,
+                seed=seed,
+                max_bounces=1,
+                camera=OrthographicCamera(view_direction=(0.2, 0.1, 1.0), frame_width_mm=0.6),
+                lights=[DirectionalLight(direction=(1, 2, 1))],
+                tracking=tracking,
+            ),
+            volume(random_grid((3, 3, 3), seed=35, peak=0.5)),
+            {"a": IsotropicPhase()},
+        )
+        for seed, tracking in enumerate(("exact", "delta"))
+    ]
+    mean, error = picture_mean(pictures[0])
+    assert error < 0.002 * mean
+    assert abs(welch_z(*pictures)) < Z_LIMIT
+
+
+def test_russian_roulette_keeps_the_mean():
+    """In a dense colored block, where half of the light comes from paths that roulette has touched."""
+    grid, phase = uniform_grid((2, 2, 2), 0.8, (0, 1, 0)), {"a": IsotropicPhase((0.9, 0.6, 0.3))}
+    settings = {"resolution": (32, 32), "samples_per_pixel": 128, "lights": [ConstantLight()]}
+    always = run(RenderConfig(**settings, seed=1, roulette_start=1), volume(grid), phase)
+    never = run(RenderConfig(**settings, seed=2, roulette_start=100_000), volume(grid), phase)
+    assert always.statistics.scattering_events < 0.9 * never.statistics.scattering_events
+    for channel in range(3):
+        assert abs(welch_z(always, never, channel=channel)) < Z_LIMIT
 
 
 def two_media(one, two, scattering, seed):
@@ -210,15 +280,55 @@ def test_the_order_of_media_does_not_matter():
     assert abs(picture_mean(first)[0] - picture_mean(first, channel=2)[0]) > 0.01
 
 
-def test_media_that_never_meet_keep_their_colors():
-    """Disjoint bricks: a red block on the left, a blue one on the right."""
-    left = uniform_grid((1, 2, 2), 0.3, (0, 1, 0))
-    right = dataclasses.replace(left, origins=left.origins + np.array([24, 0, 0], np.int32))
-    result = two_media(left, right, {"a": IsotropicPhase((1, 0, 0)), "b": IsotropicPhase((0, 0, 1))}, seed=1)
-    columns = result.radiance.mean(axis=0)
-    assert columns[:12, 2].max() == 0
-    assert columns[:12, 0].max() > 0.1
-    assert columns[-12:, 0].max() == 0
+@pytest.mark.parametrize("axis", [0, 1])
+def test_media_that_never_meet_keep_their_colors_and_places(axis):
+    """Red bricks on the left or below, blue ones on the right or above, as the camera must show them."""
+    one = uniform_grid((2, 2, 2), 0.3, (0, 1, 0))
+    apart = np.zeros(3, np.int32)
+    apart[axis] = 32
+    other = dataclasses.replace(one, origins=one.origins + apart)
+    config = RenderConfig(
+        resolution=(32, 32),
+        samples_per_pixel=16,
+        lights=[ConstantLight()],
+        camera=PerspectiveCamera(view_direction=(0, 0, 1)),
+    )
+    result = run(config, volume(one, other), {"a": IsotropicPhase((1, 0, 0)), "b": IsotropicPhase((0, 0, 1))})
+    picture = result.radiance if axis == 0 else np.rot90(result.radiance, -1)
+    assert picture[:, :15, 0].max() > 0.1
+    assert picture[:, :15, 2].max() == 0
+    assert picture[:, -15:, 2].max() > 0.1
+    assert picture[:, -15:, 0].max() == 0
+
+
+def test_light_adds_up():
+    """A picture under several lights is the sum of the pictures under each."""
+    lights = [
+        StudioLight(),
+        DirectionalLight(direction=(1, 2, 3), irradiance=(2, 1, 1)),
+        DirectionalLight(direction=(-1, 0.2, -1), irradiance=(1, 1, 5)),
+    ]
+    together = scenery(seed=1, lights=lights)
+    parts = [scenery(seed=2 + i, lights=[light]) for i, light in enumerate(lights)]
+    for channel in range(3):
+        means, errors = np.array([picture_mean(part, channel=channel) for part in parts]).T
+        mean, error = picture_mean(together, channel=channel)
+        assert abs(mean - means.sum()) < Z_LIMIT * math.hypot(error, *errors)
+
+
+def test_edges_are_smoothed():
+    """Samples spread over their pixel, so the silhouette of an opaque block is gray."""
+    block = uniform_grid((2, 2, 2), 500.0, (0, 1, 0))
+    config = RenderConfig(
+        resolution=(16, 16),
+        samples_per_pixel=64,
+        lights=[ConstantLight()],
+        camera=OrthographicCamera(view_direction=(0.2, 0.1, 1.0)),
+    )
+    opacity = run(config, volume(block), {"a": IsotropicPhase((0, 0, 0))}).layers["A"]
+    assert (opacity == 1).any()
+    assert (opacity == 0).any()
+    assert ((opacity > 0.1) & (opacity < 0.9)).sum() > 10
 
 
 def test_self_shadow_offset_skips_its_length():

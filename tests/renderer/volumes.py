@@ -65,7 +65,15 @@ def projected_extinction(density: float, cosine: float, radius: float = RADIUS_M
 
 
 def exact_optical_depth(grid: FiberGrid, origins_mm: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Optical depth of whole lines through the stored values, by the crossings of every voxel plane, in float64."""
+    """Optical depth of rays from their origins on, from the stored values, in float64."""
+    pieces = ray_pieces(grid, origins_mm, directions)
+    return np.array([(sigma * np.diff(t)).sum() for t, sigma in pieces])
+
+
+def ray_pieces(
+    grid: FiberGrid, origins_mm: np.ndarray, directions: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Per ray the distances [mm] at which it crosses any voxel plane, and the extinction between [1/mm]."""
     cells = grid.origins // 8
     low, high = cells.min(axis=0), cells.max(axis=0) + 1
     size = (high - low) * 8
@@ -73,7 +81,7 @@ def exact_optical_depth(grid: FiberGrid, origins_mm: np.ndarray, directions: np.
     for place, values, axes in zip((cells - low) * 8, grid.density, grid.direction, strict=True):
         box = tuple(slice(p, p + 8) for p in place)
         density[box], axis[box] = values.reshape(8, 8, 8), axes.reshape(8, 8, 8, 3)
-    depths = []
+    pieces = []
     for origin, direction in zip(origins_mm / grid.voxel_size_mm - low * 8, directions, strict=True):
         planes = [(np.arange(size[k] + 1) - origin[k]) / direction[k] for k in range(3)]
         entry = max(0.0, *(p.min() for p in planes))
@@ -83,5 +91,5 @@ def exact_optical_depth(grid: FiberGrid, origins_mm: np.ndarray, directions: np.
         i, j, k = np.clip(middle.astype(int), 0, size - 1).T
         cosine = axis[i, j, k] @ direction
         sigma = 2 * density[i, j, k] / (np.pi * grid.fiber_radius_mm) * np.sqrt(np.maximum(1 - cosine**2, 0))
-        depths.append((sigma * np.diff(t)).sum() * grid.voxel_size_mm)
-    return np.array(depths)
+        pieces.append((t * grid.voxel_size_mm, sigma))
+    return pieces

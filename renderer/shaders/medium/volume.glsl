@@ -1,14 +1,17 @@
 // Looking up the two-level grid (renderer/brick_pool.py): the box around a voxel in which extinction is constant.
 // Needs from the program: cells[], bricks[], voxel_word(brick, voxel), grid_cells (cells along x, y, z).
-#include "math/hemi_octahedral.glsl"
 #constant LAYER_COUNT
 #constant EXTINCTION_PROJECTED
 
 const uint EMPTY_CELL = 0x80000000u;
 
+// Fiber axis of a voxel, not of unit length: the hemi-octahedral map before it is normalized, times 1022.
 // Twin: decode_axis in renderer/direction_encoding.py.
-vec3 decode_axis(uint word) {
-    return hemi_octahedral_decode(vec2((word >> 10) & 1023u, word & 1023u) * (1.0 / 1022.0));
+vec3 unscaled_axis(uint word) {
+    float a = float((word >> 10) & 1023u);
+    float b = float(word & 1023u);
+    vec2 p = vec2(a + b - 1022.0, a - b);
+    return vec3(p, 1022.0 - abs(p.x) - abs(p.y));
 }
 
 struct Cell {
@@ -39,8 +42,9 @@ uint voxel_index(ivec3 voxel) {
 float voxel_extinction(uint word, float extinction_per_level, vec3 direction) {
     float extinction = float(word >> 20) * extinction_per_level;
 #if EXTINCTION_PROJECTED
-    float cosine = dot(decode_axis(word), direction);
-    extinction *= sqrt(max(1.0 - cosine * cosine, 0.0));
+    vec3 axis = unscaled_axis(word);
+    float cosine = dot(axis, direction);
+    extinction *= sqrt(max(1.0 - cosine * cosine / dot(axis, axis), 0.0));
 #endif
     return extinction;
 }
@@ -112,6 +116,6 @@ uint choose_medium(ivec3 voxel, vec3 direction, float u, out vec3 axis) {
         }
         target -= extinction[layer];
     }
-    axis = decode_axis(chosen);
+    axis = normalize(unscaled_axis(chosen));
     return medium;
 }
