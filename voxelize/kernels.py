@@ -31,7 +31,6 @@ _LENGTH_UNITS = wp.constant(LENGTH_UNITS)
 _MEASURE_UNITS = wp.constant(wp.float64(MEASURE_UNITS))
 _NEVER = wp.constant(2.0)
 """A segment parameter beyond its end (0 is its start, 1 its end)."""
-_TINY = wp.constant(1.0e-30)
 
 
 @wp.struct
@@ -76,16 +75,11 @@ def deposit(tile: TileSums, voxel: wp.vec3i, units: wp.float32, squares: wp.vec3
 
 
 @wp.func
-def last_voxel(first: int, end: wp.float32, delta: wp.float32):
-    """Voxel in which the segment ends along one axis; no face is crossed where the segment hardly moves."""
-    if wp.abs(delta) < _TINY:
-        return first
-    return int(wp.floor(end))
-
-
-@wp.func
 def crossing_at(start: wp.float32, inverse: wp.float32, voxel: int, last: int):
-    """Segment parameter of the next voxel face along one axis; `_NEVER` once the last voxel is reached."""
+    """Segment parameter of the next voxel face along one axis; `_NEVER` once the last voxel is reached.
+
+    It may be infinite or not a number where the segment hardly moves along the axis: never the smallest.
+    """
     if voxel == last:
         return float(_NEVER)
     return (float(wp.max(voxel, voxel + wp.sign(last - voxel))) - start) * inverse
@@ -105,9 +99,9 @@ def accumulate_segment(tile: TileSums, a: wp.vec3, b: wp.vec3):
     ix = int(wp.floor(p[0]))
     iy = int(wp.floor(p[1]))
     iz = int(wp.floor(p[2]))
-    jx = last_voxel(ix, q[0], d[0])
-    jy = last_voxel(iy, q[1], d[1])
-    jz = last_voxel(iz, q[2], d[2])
+    jx = int(wp.floor(q[0]))
+    jy = int(wp.floor(q[1]))
+    jz = int(wp.floor(q[2]))
     if wp.max(ix, jx) < tile.low[0] or wp.max(iy, jy) < tile.low[1] or wp.max(iz, jz) < tile.low[2]:
         return
     if wp.min(ix, jx) >= tile.high[0] or wp.min(iy, jy) >= tile.high[1] or wp.min(iz, jz) >= tile.high[2]:

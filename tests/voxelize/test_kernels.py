@@ -180,6 +180,8 @@ def test_opposite_walks_are_the_same_fiber():
         [[0.2, 0.2, 0.2], [0.3, 0.2, 0.2]],
         [[0, 0, 0], [1e-38, 0, 1]],
         [[1e-40, 0, 0], [-1e-40, 0, 1]],
+        [[0, 0, 0], [-1e-40, 0, 1]],
+        [[0, -1e-40, 0.7], [-1e-42, 0, -0.6]],
         [[-1e-7, -1e-7, -1e-7], [1, 1e-7, 1e-7]],
     ],
 )
@@ -187,6 +189,15 @@ def test_no_length_is_lost_along_faces_edges_and_corners(segment):
     expected = np.linalg.norm(np.subtract(*np.array(segment, np.float32).astype(np.float64)))
     grid = voxelize(np.array([segment]), 0.25)
     assert grid.fiber_length_mm == pytest.approx(expected, rel=1e-6)
+
+
+def test_length_is_exact_far_from_the_origin():
+    """A million voxels out, where a position in voxels is good to 1/16."""
+    rng = np.random.default_rng(6)
+    start = np.array([5e4, -2e4, 3e4]) + rng.uniform(-1, 1, (5, 3))
+    segments = np.stack([start, start + rng.uniform(-0.3, 0.3, (5, 3))], axis=1).astype(np.float32)
+    expected = np.linalg.norm(segments[:, 1].astype(np.float64) - segments[:, 0], axis=1).sum()
+    assert voxelize(segments, 0.05).fiber_length_mm == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_point_is_no_fiber():
