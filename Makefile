@@ -1,5 +1,5 @@
 # Two commands do everything on a fresh Debian 12 or Ubuntu 24.04: make demo, make test.
-.PHONY: demo test proof benchmark format setup clean
+.PHONY: demo test proof benchmark pictures format setup clean
 
 bin := .venv/bin
 
@@ -11,7 +11,7 @@ test: setup
 	$(bin)/ruff format --check .
 	$(bin)/mypy
 	$(bin)/lint-imports
-	$(bin)/python -m pytest -m "not proof" $(PYTEST_ARGUMENTS)
+	$(bin)/python -m pytest $(PYTEST_ARGUMENTS)
 
 # Millions of samples and hundreds of kills: minutes to hours. Figures go into the README of their folder.
 proof: setup
@@ -19,7 +19,15 @@ proof: setup
 
 # Ratios against peers, from one run; never pass or fail.
 benchmark: setup
-	$(bin)/python -m pytest tests/benchmarks -m benchmark -s --override-ini testpaths=tests/benchmarks
+	$(bin)/python -m pytest tests/benchmarks -m benchmark -s
+
+# The pictures of the README. The stockinette needs the real inputs in ../shared/data.
+pictures: setup
+	set -e; for job in configs/examples/knit_swatch configs/examples/knit_closeup \
+	                   tests/jobs/stockinette_tile tests/jobs/stockinette_closeup; do \
+	    $(bin)/weft run $$job.toml; \
+	    cp $$job.out/image.png pictures/$$(basename $$job).png; \
+	done
 
 format: setup
 	$(bin)/ruff check --fix .
