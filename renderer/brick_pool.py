@@ -1,14 +1,14 @@
 """Fiber grids as the kernel reads them: a dense grid of cells over pages of quantized bricks.
 
 A cell is the place of one brick of 8 x 8 x 8 voxels. Its word in `cells` says
-- occupied: bit 31 clear, bits 28..30 the number of layers less one, bits 0..27 the first brick. The bricks of one
-  cell (one per medium that has fiber there) follow each other, so overlapping media add exactly;
-- empty: bit 31 set, bits 0..15 the Chebyshev radius r in cells such that the (2r+1)^3 cells around it are empty, so
-  a ray crosses the whole box in one step (proximity clouds, Cohen and Sheffer 1994).
+- occupied: bit 31 clear, bits 28..30 the number of layers less one, bits 0..27 the first brick. The bricks of
+  one cell (one per medium that has fiber there) follow each other, so overlapping media add exactly;
+- empty: bit 31 set, bits 0..15 the Chebyshev radius r in cells such that the (2r+1)^3 cells around it are
+  empty, so a ray crosses the whole box in one step (proximity clouds, Cohen and Sheffer 1994).
 
-A voxel word is 12 bits of density over 10 + 10 bits of direction (hemi-octahedral). A voxel without fiber keeps in
-bits 0..2 the radius of the empty box around it within its brick. The scale of each brick is chosen so that the sum
-of its densities is kept exactly, and its majorant is that of the stored values.
+A voxel word is 12 bits of density over 10 + 10 bits of direction (hemi-octahedral). A voxel without fiber
+keeps in bits 0..2 the radius of the empty box around it within its brick. The scale of each brick is chosen so
+that the sum of its densities is kept exactly, and its majorant is that of the stored values.
 """
 
 from __future__ import annotations
@@ -28,12 +28,24 @@ EMPTY_CELL = 1 << 31
 MAX_LAYERS = 8
 MAX_CELLS = 1 << 28
 MAX_EMPTY_RADIUS_IN_BRICK = 7
-BRICKS_PER_CHUNK = 8192
+BRICKS_PER_CHUNK = 2048
+
+
+def _morton_order() -> np.ndarray:
+    """Index (x * 8 + y) * 8 + z of the voxel at each place in Morton order, z lowest, shape [512]."""
+    place = np.arange(BRICK_VOXELS)
+    bit = [place >> i & 1 for i in range(9)]
+    z, y, x = (bit[i] | bit[i + 3] << 1 | bit[i + 6] << 2 for i in range(3))
+    return np.asarray((x * 8 + y) * 8 + z)
+
+
+MORTON_ORDER = _morton_order()
+"""Voxels near each other share a line of the cache; twin: voxel_index in shaders/medium/volume.glsl."""
 
 
 @dataclass(frozen=True)
 class BrickPool:
-    """Media superposed on one lattice. Lengths in voxels; `origin` is the lattice place of the pool's corner."""
+    """Media superposed on one lattice. Lengths in voxels, from the pool's corner at `origin`."""
 
     voxel_size_mm: float
     origin: np.ndarray
@@ -41,7 +53,7 @@ class BrickPool:
     cells: np.ndarray
     """One word per cell, uint32, shape [nx, ny, nz]."""
     voxels: np.ndarray
-    """Quantized voxels, uint32, shape [brick_count, 512]."""
+    """Quantized voxels in Morton order, uint32, shape [brick_count, 512]."""
     density_step: np.ndarray
     """Volume fraction of one density level, per brick, float32, shape [brick_count]."""
     majorant_level: np.ndarray
@@ -70,7 +82,7 @@ class BrickPool:
 
 
 def build_brick_pool(grids: Sequence[FiberGrid]) -> BrickPool:
-    """Superpose the grids, one medium each in the given order. Raises `InputError` for what cannot be rendered."""
+    """Superpose the grids, one medium each, in order. Raises `InputError` for what cannot be rendered."""
     voxel_size = _common_voxel_size(grids)
     for index, grid in enumerate(grids):
         _check_values(grid, index)
@@ -171,13 +183,15 @@ def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray
 
 
 def _quantize_chunk(density: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    peak = density.max(axis=1, keepdims=True).astype(np.float64)
-    levels = np.rint(density / np.where(peak > 0, peak, 1) * DENSITY_LEVELS).astype(np.uint32)
+    """Words in Morton order, density steps and largest levels of some bricks."""
+    peak = density.max(axis=1, keepdims=True)
+    levels = np.rint(density * (DENSITY_LEVELS / np.where(peak > 0, peak, 1))).astype(np.uint32)
     # keep the brick's fiber volume: the step comes from the sums, not from the peak
     step = density.sum(axis=1, dtype=np.float64) / np.maximum(levels.sum(axis=1), 1)
-    words = levels << (2 * DIRECTION_BITS) | encode_axis(direction)
-    words = np.where(levels > 0, words, _empty_radius_in_brick(levels > 0))
-    return words.astype(np.uint32), step.astype(np.float32), levels.max(axis=1)
+    occupied = levels > 0
+    words = _empty_radius_in_brick(occupied).astype(np.uint32)
+    words[occupied] = levels[occupied] << (2 * DIRECTION_BITS) | encode_axis(direction[occupied])
+    return words[:, MORTON_ORDER], step.astype(np.float32), levels.max(axis=1)
 
 
 def _empty_radius_in_brick(occupied: np.ndarray) -> np.ndarray:

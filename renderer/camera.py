@@ -14,8 +14,11 @@ from .config import OrthographicCamera, PerspectiveCamera
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """Position [mm] and axes, each float64, shape [3]. `right` and `up` reach from the middle of the picture to its
-    edges: in mm for an orthographic camera, at distance 1 for a perspective one."""
+    """Position [mm] and axes, each float64, shape [3].
+
+    `right` and `up` reach from the middle of the picture to its edges: in mm for an orthographic camera, at
+    distance 1 for a perspective one.
+    """
 
     perspective: bool
     position: np.ndarray
@@ -49,7 +52,7 @@ def place_camera(
         position = np.array(camera.position_mm)
     else:
         half = _half_width(camera, bounds_mm, center, right, up, aspect)
-        # the frame is that wide at the side of the volume that faces the camera, or at the target of a close-up
+        # the frame is that wide at the side of the volume facing the camera, or at the target of a close-up
         depth = 0.0 if camera.frame_width_mm else np.abs(toward) @ (np.ptp(bounds_mm, axis=0) / 2)
         position = center + toward * (half / slope + depth)
     return CameraFrame(True, position, -toward, right * slope, up * slope * aspect)
@@ -89,7 +92,7 @@ def _half_width(
     up: np.ndarray,
     aspect: float,
 ) -> float:
-    """Half the width [mm] of what is seen: as asked, or so that the box of the volume fits with a small margin."""
+    """Half the width [mm] of what is seen: as asked, or so that the volume fits with a small margin."""
     if camera.frame_width_mm is not None:
         return camera.frame_width_mm / 2
     corners = np.array(

@@ -25,7 +25,7 @@ class _Camera(_Settings):
     target_mm: Vector | None = None
     """What the camera looks at; unset: the middle of the volume."""
     view_direction: Vector | None = None
-    """From the target toward the camera, where `position_mm` is unset; unset: across the volume's thinnest side."""
+    """From the target toward the camera, where `position_mm` is unset; unset: across the thinnest side."""
     up: Vector = (0.0, 1.0, 0.0)
     """Roughly upward in the picture; where it is along the view, -z is up (a cloth lying on the ground)."""
     frame_width_mm: float | None = Field(default=None, gt=0)
@@ -143,14 +143,14 @@ class RenderConfig(_Settings):
     isotropic_extinction_per_mm: float | None = Field(default=None, gt=0)
     """Extinction of volume fraction 1, for "isotropic"; unset: the mean of "projected", 1/(2a)."""
     self_shadow_offset_fibers: float = Field(default=0.0, ge=0)
-    """Distance, in fiber radii, skipped after every scattering event, so that a fiber's own voxels do not shadow it.
+    """Distance skipped after every scattering, so that a fiber's own voxels do not shadow it [fiber radii].
 
     About 3.5 matches fibers traced one by one; not reciprocal, hence off by default.
     """
     tracking: Literal["exact", "delta"] = "exact"
-    """exact: optical depth voxel by voxel; delta: delta and ratio tracking with a majorant per brick. Same mean."""
+    """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
     sampling: Literal["both", "lights", "phase"] = "both"
-    """How environment light is found: by choosing lights, by the phase function, or both weighted. Same mean."""
+    """How environment light is found: by choosing lights, by the phase function, or by both. Same mean."""
 
     @model_validator(mode="after")
     def _scale_needs_isotropic(self) -> RenderConfig:

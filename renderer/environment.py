@@ -23,7 +23,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def build_environment(lights: Sequence[Light], camera_axes: np.ndarray) -> np.ndarray:
-    """Sum of all lights around the scene, float32, shape [rows, 2 rows, 3]; one black texel pair if there are none."""
+    """Sum of all lights around the scene, float32, shape [rows, 2 rows, 3]; two black texels if none."""
     pictures = [picture for light in lights if (picture := _picture(light, camera_axes)) is not None]
     rows = max((len(picture) for picture in pictures), default=1)
     total = np.zeros((rows, 2 * rows, 3))

@@ -29,8 +29,9 @@ class Film:
     def layers(self, voxel_size_mm: float) -> dict[str, np.ndarray]:
         """Named channels, float32, shape [height, width].
 
-        R, G, B, A: mean radiance and opacity. variance.R, .G, .B: of the mean (an upper bound, since samples are
-        stratified). albedo, T, Z: color, fiber axis (x >= 0) and depth [mm] where camera rays first scatter.
+        R, G, B, A: mean radiance and opacity. variance.R, .G, .B: of the mean (an upper bound, since samples
+        are stratified). albedo, T, Z: color, fiber axis (x >= 0) and distance [mm] where camera rays first
+        scatter.
         """
         n = self.samples
         radiance, opacity = self.sums[0, :, :3] / n, self.sums[0, :, 3] / n

@@ -1,7 +1,7 @@
 """Pictures in files: OpenEXR in and out, PNG previews.
 
-OpenEXR's Python module ignores numpy strides, and returns a file without parts for truncated input; hence contiguous
-copies on the way out, and a check of what was written.
+OpenEXR's Python module ignores numpy strides, and returns a file without parts for truncated input; hence
+contiguous copies on the way out, and a check of what was written.
 """
 
 from __future__ import annotations

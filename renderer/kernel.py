@@ -1,4 +1,4 @@
-"""Running shaders/path/trace.comp: buffers, bindings, and dispatches of bounded length until every sample is done."""
+"""Running shaders/path/trace.comp: buffers, bindings, and bounded dispatches until every sample is done."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ class KernelOptions:
 
     lane_count: int | None = None
     """Paths in flight; unset: by the kind of device."""
-    steps_per_round: int = 16
+    steps_per_round: int = 24
     """Tracking steps between two costly events."""
     rounds_per_dispatch: int | None = None
     """Unset: adapted so that a dispatch takes `dispatch_seconds`."""
     dispatch_seconds: float = 0.15
-    pixels_per_pass: int = 1 << 20
-    """Pixels whose sums are on the device at once."""
+    rows_per_pass: int | None = None
+    """Rows of the picture whose sums are on the device at once; unset: about a million pixels."""
 
 
 @dataclass
@@ -85,13 +85,13 @@ class Kernel:
         self.program = self._compile()
         set_uniforms(self.program, self.scene.uniforms() | {"lane_count": self.lane_count})
 
-    def trace(
-        self, first_pixel: int, pixel_count: int, samples: range, *, tick: Callable[[int], None] | None = None
-    ) -> np.ndarray:
-        """Film sums over `samples` of a run of pixels, float32, shape [4, pixel_count, 4].
+    def trace(self, rows: range, samples: range, *, tick: Callable[[int], None] | None = None) -> np.ndarray:
+        """Film sums over `samples` of some rows of the picture, float32, shape [4, pixel_count, 4].
 
         `tick` is called after each dispatch with the number of samples finished since the last call.
         """
+        width = self.scene.config.resolution[0]
+        pixel_count = width * len(rows)
         film = buffers.reserve(self.context, FILM_LAYERS * pixel_count * 16, name="the film")
         film.clear()
         film.bind_to_storage_buffer(3)
@@ -101,8 +101,8 @@ class Kernel:
         set_uniforms(
             self.program,
             {
-                "first_pixel": first_pixel,
-                "film_pixel_count": pixel_count,
+                "first_row": rows.start,
+                "row_count": len(rows),
                 "sample_begin": samples.start,
                 "sample_end": samples.stop,
             },
@@ -133,7 +133,7 @@ class Kernel:
         return bool(values[7])
 
     def _adapt(self, seconds: float) -> None:
-        """Rounds of the next dispatch: toward the wished duration, at most doubled, within the loop budget."""
+        """Rounds of the next dispatch: toward the wished duration, at most doubled, within the budget."""
         if self.options.rounds_per_dispatch:
             return
         factor = min(2.0, max(0.25, self.options.dispatch_seconds / max(seconds, 1e-6)))
@@ -153,7 +153,7 @@ class Kernel:
         ]
         if len(pages) > MAX_VOXEL_PAGES:
             raise DeviceMemoryError(
-                f"render: {len(pool.voxels)} bricks need {len(pages)} buffers; the renderer uses {MAX_VOXEL_PAGES}.",
+                f"render: {len(pool.voxels)} bricks need {len(pages)} buffers; there are {MAX_VOXEL_PAGES}.",
                 hint="Raise voxelize.voxel_size_mm.",
             )
         self.pages = [buffers.upload(ctx, page, name="the voxels") for page in pages]
@@ -211,13 +211,13 @@ class Kernel:
 
 
 def default_lane_count(context: moderngl.Context) -> int:
-    """Enough lanes to fill the device: few where the processor itself does the work."""
+    """Enough lanes to fill the device; few where the processor does the work, to share its caches."""
     software = any(name in context.info["GL_RENDERER"].lower() for name in ("llvmpipe", "softpipe", "swrast"))
-    return 1 << 13 if software else 1 << 18
+    return 1 << 10 if software else 1 << 18
 
 
 def brick_records(pool: BrickPool, extinction_scale: np.ndarray) -> np.ndarray:
-    """Per brick: extinction of one density level [1/voxel] as bits, and medium | largest level << 16; uint32 [n, 2].
+    """Per brick: extinction of a level [1/voxel] as bits, medium | largest level << 16; uint32 [n, 2].
 
     `extinction_scale`: extinction of volume fraction 1 per medium [1/voxel].
     """
@@ -231,8 +231,8 @@ def brick_records(pool: BrickPool, extinction_scale: np.ndarray) -> np.ndarray:
 def voxel_pages_glsl(page_count: int, page_shift: int) -> str:
     """Buffers of voxels and the function that picks the right one."""
     lines = [
-        f"layout(std430, binding = {FIRST_PAGE_BINDING + i}) readonly buffer Voxels{i} {{ uint voxels_{i}[]; }};"
-        for i in range(page_count)
+        f"layout(std430, binding = {binding}) readonly buffer Voxels{i} {{ uint voxels_{i}[]; }};"
+        for i, binding in enumerate(range(FIRST_PAGE_BINDING, FIRST_PAGE_BINDING + page_count))
     ]
     lines += ["uint voxel_word(uint brick, uint voxel) {"]
     if page_count > 1:

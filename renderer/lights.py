@@ -24,7 +24,7 @@ class LightTable:
     directions: np.ndarray
     """Toward the directional lights, float32, shape [16, 4], unused rows zero."""
     entries: np.ndarray
-    """(radiance or irradiance, pdf [1/sr] or probability), (threshold, alias as bits, 0, 0); float32, [n, 8]."""
+    """(radiance or irradiance, pdf [1/sr] or chance), (threshold, alias as bits, 0, 0); float32, [n, 8]."""
 
 
 def build_light_table(lights: Sequence[Light], camera_axes: np.ndarray) -> LightTable:
@@ -67,8 +67,8 @@ def _world_direction(light: DirectionalLight, camera_axes: np.ndarray) -> np.nda
 def alias_table(probability: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Thresholds [1] and aliases: entry i stands for itself with chance threshold[i], else for alias[i].
 
-    Vose 1991. The pairing runs over two sorted stacks at Python speed only for what is left after each vector step:
-    every small entry takes its missing part from a large one, as many at once as there are of both.
+    Vose 1991, vectorized: every small entry takes its missing part from a large one, as many at once as there
+    are of both; a large one that became small joins the small ones.
     """
     count = len(probability)
     weight = np.asarray(probability, np.float64) * count

@@ -21,6 +21,7 @@ from .scene import Scattering, Scene, build_scene
 
 Progress = Callable[[float, str], None]
 PROGRESS_SECONDS = 0.25
+PIXELS_PER_PASS = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -99,11 +100,12 @@ def _expose(kernel: Kernel, scene: Scene, progress: Progress | None) -> Film:
     options = kernel.options
     film = Film.empty(width, height)
     report = _Reporter(progress, width * height * spp)
-    for first in range(0, width * height, options.pixels_per_pass):
-        count = min(options.pixels_per_pass, width * height - first)
+    rows_per_pass = options.rows_per_pass or max(1, PIXELS_PER_PASS // width)
+    for first in range(0, height, rows_per_pass):
+        rows = range(first, min(first + rows_per_pass, height))
         for begin in range(0, spp, SAMPLES_PER_PASS):
             samples = range(begin, min(begin + SAMPLES_PER_PASS, spp))
-            film.add(first, kernel.trace(first, count, samples, tick=report.add))
+            film.add(first * width, kernel.trace(rows, samples, tick=report.add))
     film.samples = spp
     return film
 
@@ -126,7 +128,7 @@ class _Reporter:
 
 
 def save(result: RenderResult, path: str | Path) -> None:
-    """Write the picture: .exr with all layers, and a .png preview beside it (or only the preview for a .png path)."""
+    """Write .exr with all layers and a .png preview beside it; only the preview for a .png path."""
     path = Path(path)
     if path.suffix.lower() != ".png":
         write_exr(path, result.layers, attributes(result))

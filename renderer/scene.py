@@ -123,18 +123,19 @@ def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scatterin
     if len(scattering) == 1 and len(media) >= 1:
         chosen = list(scattering.values()) * len(media)
     elif missing := [name for name in media if name not in scattering]:
-        raise InputError(
-            f"render: no scattering for medium {', '.join(missing)}; given are {', '.join(scattering) or 'none'}."
-        )
+        given = ", ".join(scattering) or "none"
+        raise InputError(f"render: no scattering for medium {', '.join(missing)}; given are {given}.")
     else:
         chosen = [scattering[name] for name in media]
-    if all(isinstance(one, IsotropicPhase) for one in chosen):
-        albedo = np.array([[*one.albedo, 0.0] for one in chosen], np.float32)
-        return PhaseTable("path/phase_isotropic.glsl", _block("vec4"), albedo, {})
-    if not all(isinstance(one, FiberScatteringParameters) for one in chosen):
+    isotropic = [one for one in chosen if isinstance(one, IsotropicPhase)]
+    fibers = [one for one in chosen if isinstance(one, FiberScatteringParameters)]
+    if isotropic and fibers:
         raise InputError("render: isotropic and fiber scattering cannot be mixed in one picture.")
+    if isotropic:
+        albedo = np.array([[*one.albedo, 0.0] for one in isotropic], np.float32)
+        return PhaseTable("path/phase_isotropic.glsl", _block("vec4"), albedo, {})
     block = '#include "phase/fiber_block.glsl"\n' + _block("FiberScattering")
-    return PhaseTable("path/phase_fiber.glsl", block, pack_scattering(chosen), {"MEDIUM_COUNT": len(chosen)})
+    return PhaseTable("path/phase_fiber.glsl", block, pack_scattering(fibers), {"MEDIUM_COUNT": len(fibers)})
 
 
 def _block(struct: str) -> str:

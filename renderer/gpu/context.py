@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import moderngl
 
@@ -11,7 +12,7 @@ from weft.files.errors import InputError
 REQUIRED_VERSION = 430
 
 # soname with its version: the unversioned names belong to the -dev packages
-_LIBRARIES: tuple[dict[str, str], ...] = ({"libegl": "libEGL.so.1", "libgl": "libGL.so.1"}, {})
+_LIBRARIES: tuple[dict[str, Any], ...] = ({"libegl": "libEGL.so.1", "libgl": "libGL.so.1"}, {})
 
 
 @lru_cache(maxsize=1)
@@ -34,10 +35,10 @@ def _create_context() -> moderngl.Context:
     failures = []
     for libraries in _LIBRARIES:
         try:
-            return moderngl.create_context(standalone=True, backend="egl", **libraries)
+            return moderngl.create_context(**{"standalone": True, "backend": "egl", **libraries})
         except Exception as error:  # glcontext raises bare Exception
             failures.append(str(error))
     raise InputError(
         f"render: no OpenGL context through EGL ({'; '.join(failures)}).",
-        hint="Install a GPU driver with EGL, or Mesa's software one: apt install libegl1 libgl1 libgl1-mesa-dri",
+        hint="Install a driver with EGL, or Mesa's software one: apt install libegl1 libgl1 libgl1-mesa-dri",
     )

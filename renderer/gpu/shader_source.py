@@ -1,9 +1,9 @@
 """Assembling GLSL: `#include "phase/fiber.glsl"`, `#constant NAME`, and line numbers for readable errors.
 
-- `#include "path"`: relative to renderer/shaders/, each file at most once; a missing file is an error. Text made
-  at run time (a struct, a choice between pieces) is included the same way, from `pieces`.
-- `#constant NAME`: becomes `#define NAME value`; a constant without a value, or a value no shader asks for, is
-  an error, so a typing mistake never turns into an empty string.
+- `#include "path"`: relative to renderer/shaders/, each file at most once; a missing file is an error. Text
+  made at run time (a struct, a choice between pieces) is included the same way, from `pieces`.
+- `#constant NAME`: becomes `#define NAME value`; a constant without a value, or a value no shader asks for,
+  is an error, so a typing mistake never turns into an empty string.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     hg_eval = probe("phase/henyey_greenstein.glsl", "float henyey_greenstein_eval(vec3 wo, vec3 wi, float g)")
     values = hg_eval(wo, wi, 0.7)        # wo: [..., 3], wi: [..., 3], g: [...]; all broadcast together
 
-`in` parameters are arguments, `out` and `inout` ones are returned after the return value, in order, as a tuple.
+`in` parameters are arguments; `out` and `inout` ones follow the return value, in order, in a tuple.
 Types: bool, int, uint, float and their vectors of 2 to 4; mat3 is [..., column, row], as GLSL indexes it.
 """
 

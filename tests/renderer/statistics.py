@@ -13,7 +13,7 @@ Z_LIMIT = 3.9
 
 
 def picture_mean(result: RenderResult, *, channel: int = 0) -> tuple[float, float]:
-    """Mean of one color over the picture and its standard error. Strata make the true error a little smaller."""
+    """Mean of one color over the picture and its standard error (strata make the true one smaller)."""
     values = result.radiance[..., channel].astype(np.float64)
     variance = result.layers[f"variance.{'RGB'[channel]}"].astype(np.float64)
     return values.mean(), math.sqrt(variance.sum()) / values.size

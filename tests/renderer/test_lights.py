@@ -1,4 +1,4 @@
-"""Lights: the alias table is exact, samples follow the density that evaluation reports, directions are right."""
+"""Lights: the alias table is exact, samples follow the density evaluated, directions are right."""
 
 from __future__ import annotations
 

@@ -55,6 +55,7 @@ def test_compile_error_names_file_and_line(shader_folder):
     (shader_folder / "broken.glsl").write_text(
         "float fine() { return 1.0; }\nfloat broken() { return nothing; }\n"
     )
-    text = '#version 430\nlayout(local_size_x = 1) in;\n#include "one.glsl"\n#include "broken.glsl"\nvoid main() {}\n'
+    text = "#version 430\nlayout(local_size_x = 1) in;\n"
+    text += '#include "one.glsl"\n#include "broken.glsl"\nvoid main() {}\n'
     with pytest.raises(ShaderSourceError, match=r"broken.glsl:2"):
         compute_program(shared_context(), "main.comp", text=text, constants={})

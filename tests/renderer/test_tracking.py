@@ -22,7 +22,7 @@ BLACK = {"a": IsotropicPhase((0.0, 0.0, 0.0))}
 def looking_through(
     grid, direction, *, frame=1e-3, tracking="exact", resolution=64, spp=16, seed=1, **settings
 ):
-    """A picture of a black volume before a white wall, so that its mean is the transmittance along -direction."""
+    """A black volume before a white wall: the picture's mean is the transmittance along -direction."""
     camera = OrthographicCamera(view_direction=direction, frame_width_mm=frame)
     config = RenderConfig(
         resolution=(resolution, resolution),

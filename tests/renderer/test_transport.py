@@ -1,4 +1,4 @@
-"""Light transport against theory: furnace, single scattering, superposition. Error probability 1e-4 per test."""
+"""Light transport against theory: furnace, slabs, superposition. Error probability 1e-4 per z."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_white_furnace_of_isotropic_scattering():
 
 
 def test_white_furnace_by_phase_sampling_alone_is_exact():
-    """Without light sampling every path of a gray fiber brings back exactly 1: weights are 1 at every bounce."""
+    """Without light sampling every path of a white fiber brings back 1: all weights are 1."""
     result = furnace(TABLE["reference"], random_grid((2, 2, 2), seed=22, peak=1.0), sampling="phase", spp=4)
     np.testing.assert_allclose(result.radiance, 1.0, rtol=2e-4)
 
@@ -119,7 +119,7 @@ def slab_view(scattering, grid, light_direction, *, seed=3, **settings):
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("angle_deg", [90.0, 35.0])
 def test_single_scattering_in_a_slab(side, angle_deg):
-    """Light along the view, reflected or shining through: the integral over one scattering has a closed form."""
+    """Light along the view, reflected or shining through: one scattering has a closed form."""
     angle = math.radians(angle_deg)
     axis = np.array([math.cos(angle), math.sin(angle), 0.0])
     grid = uniform_grid((3, 2, 2), 0.02, tuple(axis))

@@ -1,10 +1,10 @@
 // Sums over the samples of a pixel. One lane owns a pixel during a pass and adds its samples in order, so the sums
-// do not depend on scheduling. Needs from the program: film[], film_pixel_count.
+// do not depend on scheduling. Needs from the program: film[], film_pixel_count().
 //   0: radiance, opacity   1: radiance squared, depth of the first scattering [voxels]
 //   2: fiber axis there (see film_axis), 1   3: albedo there, 0
 
 void film_add(uint pixel, uint layer, vec4 value) {
-    uint index = layer * film_pixel_count + pixel;
+    uint index = layer * film_pixel_count() + pixel;
     film[index] += value;
 }
 

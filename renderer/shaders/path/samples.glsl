@@ -44,12 +44,13 @@ void start_sample(inout Path p) {
     p.rng.y += 1u;
     if (p.rng.x == NO_PIXEL || p.rng.y >= sample_end) {
         uint taken = atomicAdd(counters[COUNTER_PIXEL], 1u);
-        p.rng.x = first_pixel + taken;
-        p.rng.y = sample_begin;
-        if (taken >= film_pixel_count) {
+        if (taken >= film_pixel_count()) {
+            p.rng.x = NO_PIXEL;
             p.mode = MODE_DONE;
             return;
         }
+        p.rng.x = nth_pixel(taken);
+        p.rng.y = sample_begin;
     }
     start_camera_ray(p);
 }

@@ -20,8 +20,8 @@ uniform uint lane_count;
 uniform uint round_count;
 uniform uint seed;
 uniform uvec2 image_size;
-uniform uint first_pixel;
-uniform uint film_pixel_count;
+uniform uint first_row;  // of this pass
+uniform uint row_count;
 uniform uint sample_begin;
 uniform uint sample_end;
 uniform uint max_bounces;
@@ -46,8 +46,22 @@ uint cut_paths = 0u;
 uint broken_samples = 0u;
 uint majorant_violations = 0u;
 
+// Where a pixel's sums lie among those of this pass.
 uint film_pixel(uint pixel) {
-    return pixel - first_pixel;
+    return pixel - first_row * image_size.x;
+}
+
+uint film_pixel_count() {
+    return row_count * image_size.x;
+}
+
+// The n-th pixel of this pass: column by column in strips of 16 rows, so that paths at work at the same time lie near
+// each other and share the voxels in the caches.
+uint nth_pixel(uint n) {
+    uint strip = n / (16u * image_size.x);
+    uint rows = min(16u, row_count - strip * 16u);
+    uint m = n - strip * 16u * image_size.x;
+    return (first_row + strip * 16u + m % rows) * image_size.x + m / rows;
 }
 
 #include "generated/voxel_pages.glsl"
