@@ -7,8 +7,8 @@ A cell is the place of one brick of 8 x 8 x 8 voxels. Its word in `cells` says
   empty, so a ray crosses the whole box in one step (proximity clouds, Cohen and Sheffer 1994).
 
 A voxel word is 12 bits of density over 10 + 10 bits of direction (hemi-octahedral). A voxel without fiber
-keeps in bits 0..2 the radius of the empty box around it within its brick. The scale of each brick is chosen so
-that the sum of its densities is kept exactly, and its majorant is that of the stored values.
+keeps in bits 0..2 the radius of the empty box around it within its brick. The scale of each brick is chosen
+so that the sum of its densities is kept exactly, and its majorant is that of the stored values.
 """
 
 from __future__ import annotations

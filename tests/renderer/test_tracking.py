@@ -11,7 +11,7 @@ from weft.renderer.config import ConstantLight, OrthographicCamera, RenderConfig
 from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 
-from .statistics import Z_LIMIT, z_score
+from .statistics import Z_LIMIT, picture_mean, z_score
 from .volumes import VOXEL_MM, exact_optical_depth, projected_extinction, random_grid, uniform_grid, volume
 
 pytestmark = pytest.mark.gl
@@ -50,6 +50,17 @@ def test_transmittance_follows_the_angle_to_the_fibers(tracking, angle_deg):
     else:
         assert abs(z_score(result, expected)) < Z_LIMIT
     assert result.statistics.majorant_violations == 0
+
+
+@pytest.mark.parametrize("tracking", ["exact", "delta"])
+def test_extinction_is_right_to_a_quarter_percent(tracking):
+    """Enough paths that an extinction off by 1 % would be 6 standard errors away."""
+    grid = uniform_grid((2, 2, 2), 0.02, (0, 0.6, 0.8))
+    result = looking_through(grid, (0.0, 0.0, 1.0), tracking=tracking, resolution=128, spp=48)
+    depth = projected_extinction(0.02, 0.8) * 16 * VOXEL_MM
+    expected = math.exp(-depth)
+    assert picture_mean(result)[1] / expected / depth < 0.0025
+    assert abs(z_score(result, expected)) < Z_LIMIT
 
 
 @pytest.mark.parametrize("scale", [None, 70.0])
