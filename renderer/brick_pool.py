@@ -31,18 +31,6 @@ MAX_EMPTY_RADIUS_IN_BRICK = 7
 BRICKS_PER_CHUNK = 2048
 
 
-def _morton_order() -> np.ndarray:
-    """Index (x * 8 + y) * 8 + z of the voxel at each place in Morton order, z lowest, shape [512]."""
-    place = np.arange(BRICK_VOXELS)
-    bit = [place >> i & 1 for i in range(9)]
-    z, y, x = (bit[i] | bit[i + 3] << 1 | bit[i + 6] << 2 for i in range(3))
-    return np.asarray((x * 8 + y) * 8 + z)
-
-
-MORTON_ORDER = _morton_order()
-"""Voxels near each other share a line of the cache; twin: voxel_index in shaders/medium/volume.glsl."""
-
-
 @dataclass(frozen=True)
 class BrickPool:
     """Media superposed on one lattice. Lengths in voxels, from the pool's corner at `origin`."""
@@ -53,7 +41,7 @@ class BrickPool:
     cells: np.ndarray
     """One word per cell, uint32, shape [nx, ny, nz]."""
     voxels: np.ndarray
-    """Quantized voxels in Morton order, uint32, shape [brick_count, 512]."""
+    """Quantized voxels in the order of `FiberGrid`, uint32, shape [brick_count, 512]."""
     density_step: np.ndarray
     """Volume fraction of one density level, per brick, float32, shape [brick_count]."""
     majorant_level: np.ndarray
@@ -183,7 +171,7 @@ def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray
 
 
 def _quantize_chunk(density: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Words in Morton order, density steps and largest levels of some bricks."""
+    """Voxel words, density steps and largest levels of some bricks."""
     peak = density.max(axis=1, keepdims=True)
     levels = np.rint(density * (DENSITY_LEVELS / np.where(peak > 0, peak, 1))).astype(np.uint32)
     # keep the brick's fiber volume: the step comes from the sums, not from the peak
@@ -191,7 +179,7 @@ def _quantize_chunk(density: np.ndarray, direction: np.ndarray) -> tuple[np.ndar
     occupied = levels > 0
     words = _empty_radius_in_brick(occupied).astype(np.uint32)
     words[occupied] = levels[occupied] << (2 * DIRECTION_BITS) | encode_axis(direction[occupied])
-    return words[:, MORTON_ORDER], step.astype(np.float32), levels.max(axis=1)
+    return words, step.astype(np.float32), levels.max(axis=1)
 
 
 def _empty_radius_in_brick(occupied: np.ndarray) -> np.ndarray:

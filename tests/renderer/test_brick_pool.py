@@ -8,20 +8,14 @@ import numpy as np
 import pytest
 
 from weft.files.errors import InputError
-from weft.renderer.brick_pool import DENSITY_LEVELS, EMPTY_CELL, MORTON_ORDER, build_brick_pool
+from weft.renderer.brick_pool import DENSITY_LEVELS, EMPTY_CELL, build_brick_pool
 from weft.renderer.direction_encoding import DIRECTION_BITS, decode_axis, encode_axis
 
 from .volumes import brick_origins, random_grid, uniform_grid
 
 
-def words_in_grid_order(pool):
-    words = np.empty_like(pool.voxels)
-    words[:, MORTON_ORDER] = pool.voxels
-    return words
-
-
 def stored_density(pool):
-    return (words_in_grid_order(pool) >> (2 * DIRECTION_BITS)) * pool.density_step[:, None].astype(np.float64)
+    return (pool.voxels >> (2 * DIRECTION_BITS)) * pool.density_step[:, None].astype(np.float64)
 
 
 def test_quantization_keeps_the_fiber_volume_of_every_brick():
@@ -81,7 +75,7 @@ def test_empty_cells_know_the_empty_box_around_them():
 
 def test_empty_voxels_know_the_empty_box_around_them():
     grid = random_grid((1, 1, 1), seed=7, fill=0.004)
-    word = words_in_grid_order(build_brick_pool([grid])).reshape(8, 8, 8)
+    word = build_brick_pool([grid]).voxels.reshape(8, 8, 8)
     occupied = np.argwhere(word >> (2 * DIRECTION_BITS))
     for voxel in np.ndindex(8, 8, 8):
         distance = np.abs(occupied - voxel).max(axis=1).min()

@@ -33,10 +33,9 @@ Cell empty_cells(ivec3 cell, uint word) {
     return Cell((cell - radius) * 8, (cell + radius + 1) * 8, 0.0);
 }
 
-// Morton order within a brick, so that a line of the cache holds a compact block (renderer/brick_pool.py).
 uint voxel_index(ivec3 voxel) {
-    ivec3 spread = (voxel & 1) | ((voxel & 2) << 2) | ((voxel & 4) << 4);
-    return uint((spread.x << 2) | (spread.y << 1) | spread.z);
+    ivec3 local = voxel & 7;
+    return uint((local.x * 8 + local.y) * 8 + local.z);
 }
 
 // Extinction of one stored voxel [1/voxel]: (2 phi / (pi a)) sin(angle to the fiber), or phi times a scale.
