@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from weft.files.input_file import InputFile
+
+MAX_PIXELS = 1 << 25
 
 Vector = tuple[float, float, float]
 Color = tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
@@ -121,7 +123,7 @@ class RenderConfig(_Settings):
         512,
         512,
     )
-    """Width and height in pixels."""
+    """Width and height in pixels; at most 33 million pixels, whose sums take 4 GiB."""
     samples_per_pixel: int = Field(default=32, ge=1, le=2**24)
     """Paths per pixel."""
     seed: int = Field(default=0, ge=0, lt=2**32)
@@ -151,6 +153,13 @@ class RenderConfig(_Settings):
     """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
     sampling: Literal["both", "lights", "phase"] = "both"
     """How environment light is found: by choosing lights, by the phase function, or by both. Same mean."""
+
+    @field_validator("resolution")
+    @classmethod
+    def _film_fits_memory(cls, resolution: tuple[int, int]) -> tuple[int, int]:
+        if resolution[0] * resolution[1] > MAX_PIXELS:
+            raise ValueError(f"{resolution[0]} x {resolution[1]} pixels; at most {MAX_PIXELS} in all")
+        return resolution
 
     @model_validator(mode="after")
     def _scale_needs_isotropic(self) -> RenderConfig:

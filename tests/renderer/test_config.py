@@ -19,6 +19,7 @@ def test_defaults_describe_a_picture():
     [
         ({"sampels_per_pixel": 4}, "Extra inputs"),
         ({"resolution": (0, 5)}, "greater than or equal to 1"),
+        ({"resolution": (16384, 16384)}, "16384 x 16384 pixels; at most"),
         ({"exposure": float("nan")}, "finite"),
         ({"lights": []}, "at least 1"),
         ({"background": (0.5, -1.0, 0.0)}, "greater than or equal to 0"),
