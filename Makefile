@@ -21,11 +21,12 @@ proof: setup
 benchmark: setup
 	$(bin)/python -m pytest tests/benchmarks -m benchmark -s
 
-# The pictures of the README. The stockinette needs the real inputs in ../shared/data.
+# The pictures of the README: the jobs with more samples than they ask for, half an hour on two cores.
+# The stockinette needs the real inputs in ../shared/data.
 pictures: setup
 	set -e; for job in configs/examples/knit_swatch configs/examples/knit_closeup \
 	                   tests/jobs/stockinette_tile tests/jobs/stockinette_closeup; do \
-	    $(bin)/weft run $$job.toml; \
+	    $(bin)/weft run $$job.toml --set render.samples_per_pixel=96; \
 	    cp $$job.out/image.png pictures/$$(basename $$job).png; \
 	done
 
