@@ -8,9 +8,9 @@ from scipy import stats
 
 from weft.files.errors import InputError
 from weft.renderer.config import ConstantLight, DirectionalLight, EnvironmentLight, SkyLight, StudioLight
-from weft.renderer.environment import load_environment, texel_directions, texel_solid_angles
+from weft.renderer.environment import MAX_ROWS, load_environment, texel_directions, texel_solid_angles
 from weft.renderer.image import write_exr
-from weft.renderer.lights import alias_table, build_light_table
+from weft.renderer.lights import LightTable, alias_table, build_light_table
 
 from .probe import probe
 
@@ -113,6 +113,27 @@ def test_value_is_radiance_over_density(tmp_path):
     evaluated = evaluate(direction)
     np.testing.assert_allclose(evaluated[:, 3], pdf, rtol=1e-6)
     np.testing.assert_allclose(value * pdf[:, None], evaluated[:, :3], rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.gl
+def test_samples_of_a_large_picture_are_found_in_their_texel():
+    """Both directions of the map agree to 1e-3 of the texels of the largest picture, at the poles too."""
+    rows = MAX_ROWS
+    number = np.arange(2 * rows**2, dtype=np.uint32)
+    entries = np.zeros((len(number), 8), np.float32)
+    entries[:, 3], entries[:, 4], entries[:, 5] = number, 1, number.view(np.float32)
+    table = LightTable(np.zeros((rows, 2 * rows, 3), np.float32), np.zeros((16, 4), np.float32), entries)
+    sample = light_probe(table, "vec3 sample_light(uvec2 choice, vec2 u, out vec3 value, out float pdf)")
+    evaluate = light_probe(table, "vec4 environment_eval(vec3 direction)")
+    first, last = slice(0, 8 * rows), slice(-8 * rows, None)  # four rows each
+    for places in (slice(None), first, last):
+        texel = np.random.default_rng(6).choice(number[places], 200_000)
+        choice = np.stack([texel * np.uint32(2**32 // len(number)), np.zeros_like(texel)], axis=1)
+        direction, _, chosen = sample(choice, np.random.default_rng(7).random((len(texel), 2), np.float32))
+        found = evaluate(direction)[:, 3]
+        np.testing.assert_array_equal(chosen, texel)
+        assert (found // (2 * rows) != texel // (2 * rows)).mean() < 1e-3
+        assert (found % (2 * rows) != texel % (2 * rows)).mean() < 1e-3
 
 
 @pytest.mark.gl

@@ -5,6 +5,7 @@
 // environment_size (columns, rows), directional_lights[].
 
 #include "math/constants.glsl"
+#include "math/arctangent.glsl"
 
 struct LightSample {
     vec3 direction;  // toward the light
@@ -12,9 +13,10 @@ struct LightSample {
     float pdf;       // [1/sr]; 0 for a directional light, which no phase function sample can hit
 };
 
+// Not acos: Mesa's is off by 1e-4 rad and more, a texel's width near the edge of every row of a large picture.
 uint environment_texel(vec3 direction) {
-    float u = atan(direction.x, -direction.z) * (0.5 / PI);
-    float v = acos(clamp(direction.y, -1.0, 1.0)) * (1.0 / PI);
+    float u = arctangent(direction.x, -direction.z) * (0.5 / PI);
+    float v = arctangent(length(direction.xz), direction.y) * (1.0 / PI);
     ivec2 place = ivec2(floor(vec2(u - floor(u), v) * vec2(environment_size)));
     place = clamp(place, ivec2(0), environment_size - 1);
     return uint(place.y * environment_size.x + place.x);
@@ -23,6 +25,18 @@ uint environment_texel(vec3 direction) {
 // Radiance from `direction`, and in w the density with which light_sample chooses it [1/sr].
 vec4 environment_eval(vec3 direction) {
     return lights[2u * environment_texel(direction)];
+}
+
+// y of a direction in this row, uniform in solid angle by u, and its distance from the axis. Counted from the nearer
+// pole in sin^2(theta/2) = (1 - y)/2, which keeps its digits where y rounds to one.
+float environment_height(uint row, float u, out float radius) {
+    bool below = 2u * row >= uint(environment_size.y);
+    uint from_pole = below ? uint(environment_size.y) - 1u - row : row;
+    vec2 edges = sin(vec2(from_pole, from_pole + 1u) * (HALF_PI / float(environment_size.y)));
+    edges *= edges;
+    float drop = mix(edges.x, edges.y, below ? 1.0 - u : u);
+    radius = 2.0 * sqrt(drop * (1.0 - drop));
+    return below ? 2.0 * drop - 1.0 : 1.0 - 2.0 * drop;
 }
 
 LightSample light_sample(uvec2 choice, vec2 u) {
@@ -40,9 +54,9 @@ LightSample light_sample(uvec2 choice, vec2 u) {
     }
     uint row = entry / uint(environment_size.x);
     uint column = entry - row * uint(environment_size.x);
-    vec2 edges = cos(vec2(row, row + 1u) * (PI / float(environment_size.y)));
-    float y = mix(edges.x, edges.y, u.y);
     float phi = (float(column) + u.x) * (2.0 * PI / float(environment_size.x));
-    float radius = sqrt(max(1.0 - y * y, 0.0));
-    return LightSample(vec3(radius * sin(phi), y, -radius * cos(phi)), radiance.w > 0.0 ? radiance.rgb / radiance.w : vec3(0.0), radiance.w);
+    float radius;
+    float y = environment_height(row, u.y, radius);
+    vec3 value = radiance.w > 0.0 ? radiance.rgb / radiance.w : vec3(0.0);
+    return LightSample(vec3(radius * sin(phi), y, -radius * cos(phi)), value, radiance.w);
 }
