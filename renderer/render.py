@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -137,7 +138,7 @@ def save(result: RenderResult, path: str | Path) -> None:
 
 def attributes(result: RenderResult) -> dict[str, object]:
     """Where the picture comes from, for the file's header."""
-    text = result.config.model_dump_json()
+    text = json.dumps(_without_folders(result.config.model_dump()))
     s = result.statistics
     return {
         "weft.version": _version(),
@@ -149,6 +150,15 @@ def attributes(result: RenderResult) -> dict[str, object]:
         "weft.cutPaths": str(s.cut_paths),
         "weft.extinction": result.config.extinction,
     }
+
+
+def _without_folders(value: object) -> object:
+    """Settings as JSON holds them, files by their names alone: a picture tells nothing about the machine."""
+    if isinstance(value, Path):
+        return value.name
+    if isinstance(value, Mapping):
+        return {key: _without_folders(part) for key, part in value.items()}
+    return [_without_folders(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def _version() -> str:

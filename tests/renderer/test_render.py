@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -10,12 +11,12 @@ import pytest
 from weft.files.errors import DeviceMemoryError, InputError
 from weft.renderer import scene
 from weft.renderer.brick_pool import build_brick_pool
-from weft.renderer.config import ConstantLight, OrthographicCamera, RenderConfig
+from weft.renderer.config import ConstantLight, EnvironmentLight, OrthographicCamera, RenderConfig
 from weft.renderer.gpu.buffers import reserve
 from weft.renderer.gpu.context import shared_context
-from weft.renderer.image import read_exr
+from weft.renderer.image import read_exr, write_exr
 from weft.renderer.kernel import voxel_pages_glsl
-from weft.renderer.render import run, save
+from weft.renderer.render import attributes, run, save
 from weft.renderer.scene import IsotropicPhase
 
 from .test_transport import TABLE
@@ -34,13 +35,22 @@ def result():
 def test_saved_picture_holds_layers_and_origin(result, tmp_path):
     save(result, tmp_path / "cloth.exr")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cloth.exr", "cloth.png"]
-    channels, attributes = read_exr(tmp_path / "cloth.exr")
+    channels, header = read_exr(tmp_path / "cloth.exr")
     wished = {"R", "G", "B", "A", "variance.R", "albedo.R", "T.X", "T.Y", "T.Z", "Z"}
     assert wished <= set(channels)
     assert all(data.shape == (12, 16) for data in channels.values())
-    assert attributes["weft.samplesPerPixel"] == 4
-    assert RenderConfig(**json.loads(attributes["weft.config"])) == CONFIG
-    assert "llvmpipe" in attributes["weft.device"] or attributes["weft.device"]
+    assert header["weft.samplesPerPixel"] == 4
+    assert RenderConfig(**json.loads(header["weft.config"])) == CONFIG
+    assert shared_context().info["GL_RENDERER"] in header["weft.device"]
+
+
+def test_saved_picture_names_its_environment_without_the_machines_folders(result, tmp_path):
+    write_exr(tmp_path / "sky.exr", dict.fromkeys("RGB", np.ones((4, 8))), {})
+    lights = [EnvironmentLight(file=tmp_path / "sky.exr")]
+    moved = dataclasses.replace(result, config=RenderConfig(lights=lights))
+    header = attributes(moved)
+    assert json.loads(str(header["weft.config"]))["lights"][0]["file"] == "sky.exr"
+    assert str(tmp_path) not in repr(header)
 
 
 def test_layers_describe_the_first_scattering(result):
