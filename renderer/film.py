@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SUM_COUNT = 16
+PIXELS_PER_CHUNK = 1 << 18
 
 
 @dataclass
@@ -30,29 +30,47 @@ class Film:
         """Named channels, float32, shape [height, width].
 
         R, G, B, A: mean radiance and opacity. variance.R, .G, .B: of the mean (an upper bound, since samples
-        are stratified). albedo, T, Z: color, fiber axis (x >= 0) and distance [mm] where camera rays first
-        scatter.
+        are stratified). albedo, T, Z: mean color, fiber axis (see `_principal_axes`) and mean distance [mm]
+        where camera rays first scatter.
         """
         n = self.samples
         radiance, opacity = self.sums[0, :, :3] / n, self.sums[0, :, 3] / n
         squares = self.sums[1, :, :3] / n
         variance = np.maximum(squares - radiance**2, 0) / max(n - 1, 1)
-        hits = self.sums[2, :, 3]
+        hits = self.sums[0, :, 3]
         safe = np.maximum(hits, 1)
-        axis = self.sums[2, :, :3]
-        axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-30)
         depth = np.where(hits > 0, self.sums[1, :, 3] / safe * voxel_size_mm, np.inf)
         columns = {
             **_named("RGB", radiance),
             "A": opacity,
             **_named(("variance.R", "variance.G", "variance.B"), variance),
             **_named(("albedo.R", "albedo.G", "albedo.B"), self.sums[3, :, :3] / safe[:, None]),
-            **_named(("T.X", "T.Y", "T.Z"), axis),
+            **_named(("T.X", "T.Y", "T.Z"), self._axes()),
             "Z": depth,
         }
         return {
             name: data.reshape(self.height, self.width).astype(np.float32) for name, data in columns.items()
         }
+
+    def _axes(self) -> np.ndarray:
+        """Fiber axis of every pixel, a chunk of pixels at a time, shape [pixel_count, 3]."""
+        axes = np.empty((self.sums.shape[1], 3))
+        for start in range(0, len(axes), PIXELS_PER_CHUNK):
+            chunk = slice(start, start + PIXELS_PER_CHUNK)
+            axes[chunk] = _principal_axes(self.sums[:, chunk])
+        return axes
+
+
+def _principal_axes(sums: np.ndarray) -> np.ndarray:
+    """The axis that most of a pixel's axes lie along, x >= 0, zero where there are none; shape [pixels, 3].
+
+    Axial data: t and -t are the same, so the outer product is averaged; its largest eigenvector is the mean.
+    """
+    xx, yy, xy, xz = sums[2].T
+    yz, hits = sums[3, :, 3], sums[0, :, 3]
+    moment = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, hits - xx - yy], axis=-1).reshape(-1, 3, 3)
+    axis = np.linalg.eigh(moment)[1][..., -1]
+    return np.where(hits > 0, 1.0, 0.0)[:, None] * np.where(axis[:, :1] < 0, -axis, axis)
 
 
 def _named(names: str | tuple[str, ...], columns: np.ndarray) -> dict[str, np.ndarray]:

@@ -63,6 +63,17 @@ def test_layers_describe_the_first_scattering(result):
     assert np.isinf(result.layers["Z"][result.layers["A"] == 0]).all()
 
 
+def test_axes_across_x_do_not_cancel():
+    """Two media lean a little to either side of y: their mean axis is y, not x, to which the vectors sum."""
+    lean = [uniform_grid((2, 2, 1), 0.5, (0.1, side, 0)) for side in (1.0, -1.0)]
+    picture = run(CONFIG.model_copy(update={"samples_per_pixel": 64}), volume(*lean), {"a": IsotropicPhase()})
+    hit = picture.layers["A"] > 0.5
+    axis = np.stack([picture.layers[f"T.{c}"] for c in "XYZ"], axis=-1)[hit]
+    assert len(axis) > 20
+    assert np.abs(axis[:, 1]).min() > 0.99
+    assert axis[:, 0].min() >= 0
+
+
 def test_depth_is_in_millimeters():
     config = CONFIG.model_copy(
         update={

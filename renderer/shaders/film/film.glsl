@@ -1,7 +1,9 @@
 // Sums over the samples of a pixel. One lane owns a pixel during a pass and adds its samples in order, so the sums
 // do not depend on scheduling. Needs from the program: film[], film_pixel_count().
 //   0: radiance, opacity   1: radiance squared, depth of the first scattering [voxels]
-//   2: fiber axis there (see film_axis), 1   3: albedo there, 0
+//   2: t_x t_x, t_y t_y, t_x t_y, t_x t_z of the fiber axis t there   3: albedo there, t_y t_z
+// An axis has no sign, so its outer product is summed, never the vector. t_z t_z is what is missing to the number of
+// first scatterings, and that number is the sum of opacity.
 
 void film_add(uint pixel, uint layer, vec4 value) {
     uint index = layer * film_pixel_count() + pixel;
@@ -15,11 +17,6 @@ void film_add_sample(uint pixel, vec3 radiance, float opacity) {
 
 void film_add_first_scattering(uint pixel, float depth, vec3 axis, vec3 albedo) {
     film_add(pixel, 1u, vec4(0.0, 0.0, 0.0, depth));
-    film_add(pixel, 2u, vec4(axis, 1.0));
-    film_add(pixel, 3u, vec4(albedo, 0.0));
-}
-
-// An axis has no sign; take the one with x > 0, so that axes of one yarn do not cancel.
-vec3 film_axis(vec3 axis) {
-    return axis.x < 0.0 ? -axis : axis;
+    film_add(pixel, 2u, vec4(axis.x * axis.x, axis.y * axis.y, axis.x * axis.y, axis.x * axis.z));
+    film_add(pixel, 3u, vec4(albedo, axis.y * axis.z));
 }

@@ -35,7 +35,7 @@ void scatter(inout Path p) {
     mat3 frame = fiber_frame(axis);
     Phase phase = phase_at(medium, -p.direction * frame);
     if (p.bounce == 0u) {
-        film_add_first_scattering(film_pixel(p.rng.x), p.t, film_axis(axis), phase_albedo(phase));
+        film_add_first_scattering(film_pixel(p.rng.x), p.t, axis, phase_albedo(phase));
     }
     if (p.bounce >= max_bounces) {
         cut_paths += 1u;
