@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import moderngl
@@ -30,6 +30,8 @@ COUNTERS = (
 FILM_LAYERS = 4
 MAX_VOXEL_PAGES = 8
 FIRST_PAGE_BINDING = 7
+STORAGE_BLOCKS = 8
+"""Storage buffers of a compute program that OpenGL 4.3 guarantees."""
 LOOP_BUDGET = 16_384
 """Iterations of all loops per invocation and dispatch; llvmpipe silently stops a shader's loops at 65,535."""
 SLOWEST_SAMPLING_LOOP = 8
@@ -48,7 +50,7 @@ class KernelOptions:
     steps_per_round: int = 24
     """Tracking steps between two costly events."""
     rounds_per_dispatch: int | None = None
-    """Unset: adapted so that a dispatch takes `dispatch_seconds`."""
+    """At most what the loop budget allows; unset: adapted so that a dispatch takes `dispatch_seconds`."""
     dispatch_seconds: float = 0.15
     rows_per_pass: int | None = None
     """Rows of the picture whose sums are on the device at once; unset: about a million pixels."""
@@ -80,7 +82,7 @@ class Kernel:
     def __post_init__(self) -> None:
         self.lane_count = self.options.lane_count or default_lane_count(self.context)
         self.lane_count = -(-self.lane_count // GROUP_SIZE) * GROUP_SIZE
-        self.rounds = self.options.rounds_per_dispatch or 4
+        self.rounds = min(self.options.rounds_per_dispatch or 4, self.most_rounds)
         self._upload()
         self.program = self._compile()
         set_uniforms(self.program, self.scene.uniforms() | {"lane_count": self.lane_count})
@@ -141,8 +143,11 @@ class Kernel:
 
     @property
     def most_rounds(self) -> int:
-        """Rounds of a dispatch whose loops stay within the budget."""
-        return LOOP_BUDGET // (self.options.steps_per_round + 1 + SLOWEST_SAMPLING_LOOP)
+        """Rounds of a dispatch whose loops stay within the budget, whether or not the driver unrolls some."""
+        layers = self.scene.pool.layer_count
+        layers = layers if layers > 1 else 0
+        steps = self.options.steps_per_round * (1 + layers)
+        return max(1, LOOP_BUDGET // (1 + steps + 2 * layers + SLOWEST_SAMPLING_LOOP))
 
     def _upload(self) -> None:
         pool, ctx = self.scene.pool, self.context
@@ -151,9 +156,10 @@ class Kernel:
         pages = [
             pool.voxels[start : start + page_bricks] for start in range(0, len(pool.voxels), page_bricks)
         ]
-        if len(pages) > MAX_VOXEL_PAGES:
+        most = _page_limit(ctx.info)
+        if len(pages) > most:
             raise DeviceMemoryError(
-                f"render: {len(pool.voxels)} bricks need {len(pages)} buffers; there are {MAX_VOXEL_PAGES}.",
+                f"render: {len(pool.voxels)} bricks need {len(pages)} buffers; there are {most}.",
                 hint="Raise voxelize.voxel_size_mm.",
             )
         self.pages = [buffers.upload(ctx, page, name="the voxels") for page in pages]
@@ -248,8 +254,16 @@ def voxel_pages_glsl(page_count: int, page_shift: int) -> str:
     return "\n".join([*lines, "}"]) + "\n"
 
 
+def _page_limit(limits: Mapping[str, int]) -> int:
+    """Buffers of voxels that this driver has room for beside the other seven; OpenGL 4.3 guarantees one."""
+    counted = ("GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS", "GL_MAX_SHADER_STORAGE_BUFFER_BINDINGS")
+    blocks = min(limits.get(name) or STORAGE_BLOCKS for name in counted)
+    return int(min(blocks - FIRST_PAGE_BINDING, MAX_VOXEL_PAGES))
+
+
 def _bricks_per_page(context: moderngl.Context) -> int:
     """A power of two of bricks that fits one storage block of this driver, and 31-bit byte offsets."""
     block = int(context.info.get("GL_MAX_SHADER_STORAGE_BLOCK_SIZE") or buffers.STORAGE_BLOCK_BYTES)
+    block %= 1 << 32  # 4 GiB - 1 arrives as -1
     bricks = min(max(block, buffers.STORAGE_BLOCK_BYTES), 1 << 30) // 2048
     return 1 << (bricks.bit_length() - 1)

@@ -109,6 +109,19 @@ def test_loops_of_a_dispatch_stay_within_the_budget():
     np.testing.assert_array_equal(sums[0], sums[1])
 
 
+@pytest.mark.parametrize("media", [1, 2, 8])
+def test_the_budget_counts_every_loop(media):
+    """Also the loops over the media of a cell, which a driver may or may not unroll."""
+    grids = [random_grid((1, 1, 1), seed=i) for i in range(media)]
+    scene = build_scene(CONFIG, volume(*grids), {"a": TABLE["reference"]})
+    kernel = Kernel(shared_context(), scene, KernelOptions(lane_count=64, rounds_per_dispatch=10**6))
+    per_step, per_collision = (media, 2 * media) if media > 1 else (0, 0)
+    steps = KernelOptions().steps_per_round
+    assert kernel.rounds * (1 + steps * (1 + per_step) + per_collision) <= LOOP_BUDGET
+    assert kernel.rounds == kernel.most_rounds > 0
+    kernel.release()
+
+
 LOOPS = """#version 430
 layout(local_size_x = 1) in;
 layout(std430, binding = 0) buffer Result { uint reached[]; };
