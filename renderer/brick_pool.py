@@ -125,6 +125,8 @@ def _check_values(grid: FiberGrid, index: int) -> None:
     # min and max propagate NaN, and make no temporary of the grid's size
     if len(grid.density) and not (grid.density.min() >= 0 and grid.density.max() < np.inf):
         raise InputError(f"render: medium {index} has densities that are negative or not finite.")
+    if len(grid.direction) and not (grid.direction.min() > -np.inf and grid.direction.max() < np.inf):
+        raise InputError(f"render: medium {index} has directions that are not finite.")
 
 
 def _link_cells(flat: np.ndarray, medium: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, int]:
@@ -173,7 +175,8 @@ def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray
 def _quantize_chunk(density: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Voxel words, density steps and largest levels of some bricks."""
     peak = density.max(axis=1, keepdims=True)
-    levels = np.rint(density * (DENSITY_LEVELS / np.where(peak > 0, peak, 1))).astype(np.uint32)
+    # divided first: levels over a tiny peak could overflow
+    levels = np.rint(density / np.where(peak > 0, peak, 1) * DENSITY_LEVELS).astype(np.uint32)
     # keep the brick's fiber volume: the step comes from the sums, not from the peak
     step = density.sum(axis=1, dtype=np.float64) / np.maximum(levels.sum(axis=1), 1)
     occupied = levels > 0

@@ -31,6 +31,17 @@ def test_quantized_density_is_within_a_level():
     assert (error <= grid.density.max(axis=1) / DENSITY_LEVELS).all()
 
 
+@pytest.mark.parametrize("density", [1e-30, 1e-37, 1e-42])
+def test_hardly_any_fiber_is_harmless(density):
+    """A sliver in a brick of its own: the scale of the levels must not overflow."""
+    grid = uniform_grid((1, 1, 1), 0.0, (0, 1, 0))
+    grid.density[0, 5] = density
+    pool = build_brick_pool([grid])
+    assert list(pool.majorant_level) == [DENSITY_LEVELS]
+    assert (pool.voxels[0] >> (2 * DIRECTION_BITS) > 0).sum() == 1
+    assert np.isfinite(pool.density_step).all()
+
+
 def test_majorant_bounds_the_stored_values():
     pool = build_brick_pool([random_grid((2, 2, 2), seed=3)])
     levels = pool.voxels >> (2 * DIRECTION_BITS)
@@ -105,6 +116,10 @@ def test_bad_grids_are_refused_in_one_line():
     bad[0, 7] = np.nan
     with pytest.raises(InputError, match="medium 0 has densities that are negative or not finite"):
         build_brick_pool([dataclasses.replace(grid, density=bad)])
+    astray = grid.direction.copy()
+    astray[0, np.flatnonzero(grid.density[0])[3], 1] = np.nan
+    with pytest.raises(InputError, match="medium 0 has directions that are not finite"):
+        build_brick_pool([dataclasses.replace(grid, direction=astray)])
     empty = dataclasses.replace(
         grid, origins=grid.origins[:0], density=grid.density[:0], direction=grid.direction[:0]
     )
