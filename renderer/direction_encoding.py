@@ -1,5 +1,7 @@
-"""Fiber axes in 10 + 10 bits: hemi-octahedral map (Cigolle et al. 2014, JCGT 3(2), section 3.3). Twin:
-shaders/medium/direction_encoding.glsl."""
+"""Fiber axes in 10 + 10 bits: hemi-octahedral map (Cigolle et al. 2014, JCGT 3(2), section 3.3).
+
+Twin of the decoder: shaders/math/hemi_octahedral.glsl.
+"""
 
 from __future__ import annotations
 

@@ -1,18 +1,10 @@
 // Looking up the two-level grid (renderer/brick_pool.py): the box around a voxel in which extinction is constant.
 // Needs from the program: cells[], bricks[], voxel_word(brick, voxel), grid_cells (cells along x, y, z).
+#include "math/hemi_octahedral.glsl"
 #constant LAYER_COUNT
 #constant EXTINCTION_PROJECTED
 
 const uint EMPTY_CELL = 0x80000000u;
-
-// Fiber axis of a voxel, not of unit length: the hemi-octahedral map before it is normalized, times 1022.
-// Twin: decode_axis in renderer/direction_encoding.py.
-vec3 unscaled_axis(uint word) {
-    float a = float((word >> 10) & 1023u);
-    float b = float(word & 1023u);
-    vec2 p = vec2(a + b - 1022.0, a - b);
-    return vec3(p, 1022.0 - abs(p.x) - abs(p.y));
-}
 
 struct Cell {
     ivec3 lower;       // first voxel of the box
