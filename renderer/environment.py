@@ -69,11 +69,8 @@ def load_environment(path: Path) -> np.ndarray:
     if not np.isfinite(picture).all() or -np.minimum(picture, 0).sum() > ROUNDED_BELOW_ZERO * picture.sum():
         raise InputError("the picture holds values that are negative or not finite.", path=path)
     picture = np.maximum(picture, 0)
-    while rows > MAX_ROWS and rows % 2 == 0:
-        weight = texel_solid_angles(rows)[:, None, None]
-        sums = (picture * weight).reshape(rows // 2, 2, columns // 2, 2, 3).sum(axis=(1, 3))
-        rows, columns = rows // 2, columns // 2
-        picture = sums / (2 * weight.reshape(rows, 2).sum(axis=1))[:, None, None]
+    if rows > MAX_ROWS:
+        picture = _resized(picture, MAX_ROWS)
     return picture
 
 
@@ -88,12 +85,23 @@ def _rotated(picture: np.ndarray, degrees: float) -> np.ndarray:
 
 
 def _resized(picture: np.ndarray, rows: int) -> np.ndarray:
-    """Each texel repeated or picked to have `rows` rows."""
+    """Averaged over the solid angles of `rows` x 2 `rows` texels, so that no light is lost at any sizes."""
     if len(picture) == rows:
         return picture
-    row = (np.arange(rows) + 0.5) * len(picture) / rows
-    column = (np.arange(2 * rows) + 0.5) * picture.shape[1] / (2 * rows)
-    return picture[row.astype(int)][:, column.astype(int)]
+    heights = [-np.cos(np.arange(n + 1) * np.pi / n) for n in (len(picture), rows)]
+    azimuths = [np.linspace(0, 1, n + 1) for n in (picture.shape[1], 2 * rows)]
+    channels = [_averaged(_averaged(c, *heights).T, *azimuths).T for c in np.moveaxis(picture, -1, 0)]
+    return np.maximum(np.stack(channels, axis=-1), 0)  # differences of sums may round below zero
+
+
+def _averaged(values: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Rows of `values`, constant between the `old` edges, as means between the `new` edges."""
+    widths = np.diff(old)
+    sums = np.cumsum(values * widths[:, None], axis=0)
+    sums = np.concatenate([np.zeros_like(sums[:1]), sums])
+    cell = np.clip(np.searchsorted(old, new, side="right") - 1, 0, len(values) - 1)
+    part = ((new - old[cell]) / widths[cell])[:, None]
+    return np.diff(sums[cell] * (1 - part) + sums[cell + 1] * part, axis=0) / np.diff(new)[:, None]
 
 
 def studio(directions: np.ndarray, rotation_deg: float) -> np.ndarray:

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from weft.files.errors import InputError
+from weft.renderer import environment
 from weft.renderer.config import ConstantLight, DirectionalLight, EnvironmentLight, SkyLight, StudioLight
 from weft.renderer.environment import MAX_ROWS, load_environment, texel_directions, texel_solid_angles
 from weft.renderer.image import write_exr
@@ -179,6 +180,31 @@ def test_large_pictures_keep_their_light(tmp_path):
     before = (picture * texel_solid_angles(2048)[:, None]).sum()
     after = (small[..., 0] * texel_solid_angles(1024)[:, None]).sum()
     assert after == pytest.approx(before, rel=1e-6)
+
+
+@pytest.mark.parametrize("rows", [7, 12, 37])
+def test_pictures_of_any_size_become_small_and_keep_their_light(tmp_path, monkeypatch, rows):
+    """Total light, and the light from each half space: halving alone would leave an odd height large."""
+    monkeypatch.setattr(environment, "MAX_ROWS", 6)
+    picture = np.random.default_rng(rows).random((rows, 2 * rows)).astype(np.float32)
+    write_exr(tmp_path / "odd.exr", dict.fromkeys("RGB", picture), {})
+    small = load_environment(tmp_path / "odd.exr")
+    assert small.shape == (6, 12, 3)
+    before, after = (p * texel_solid_angles(len(p))[:, None] for p in (picture, small[..., 0]))
+    assert after.sum() == pytest.approx(before.sum(), rel=1e-6)
+    assert after[:, :6].sum() == pytest.approx(before[:, :rows].sum(), rel=1e-6)
+    if rows % 2 == 0:
+        assert after[:3].sum() == pytest.approx(before[: rows // 2].sum(), rel=1e-6)
+
+
+def test_pictures_of_different_sizes_add_up_without_losing_light(tmp_path):
+    small, large = np.random.default_rng(1).random((5, 10)), np.random.default_rng(2).random((12, 24))
+    for name, picture in (("small", small), ("large", large)):
+        write_exr(tmp_path / f"{name}.exr", dict.fromkeys("RGB", picture), {})
+    lights = [EnvironmentLight(file=tmp_path / f"{name}.exr") for name in ("small", "large")]
+    total = build_light_table(lights, AXES).environment[..., 0]
+    light = [(p * texel_solid_angles(len(p))[:, None]).sum() for p in (small, large, total)]
+    assert light[2] == pytest.approx(light[0] + light[1], rel=1e-6)
 
 
 def test_wrong_pictures_are_refused(tmp_path):
