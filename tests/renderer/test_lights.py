@@ -103,6 +103,22 @@ def test_samples_follow_the_density(tmp_path):
 
 
 @pytest.mark.gl
+def test_entries_are_chosen_evenly():
+    """At the borders between entries, where 32 bits alone would give one entry more numbers than another."""
+    count = 3_000_001
+    entries = np.zeros((count, 8), np.float32)
+    entries[:, 3], entries[:, 4] = np.arange(count) % 2**20, 1
+    rows = 1225  # 2 rows^2 is more than count: all are texels
+    table = LightTable(np.zeros((rows, 2 * rows, 3), np.float32), np.zeros((16, 4), np.float32), entries)
+    sample = light_probe(table, "vec3 sample_light(uvec2 choice, vec2 u, out vec3 value, out float pdf)")
+    borders = [-(-(k << 64) // count) for k in range(1, count, 999)]
+    for offset, step in ((0, 0), (-1, -1)):  # the first number of entry k, and the last of the one before
+        words = np.array([((b + offset) >> 32, (b + offset) & 0xFFFFFFFF) for b in borders], np.uint32)
+        chosen = sample(words, np.full((len(words), 2), 0.5, np.float32))[2]
+        np.testing.assert_array_equal(chosen, (np.arange(1, count, 999) + step) % 2**20)
+
+
+@pytest.mark.gl
 def test_value_is_radiance_over_density(tmp_path):
     """What a sample carries is what evaluation says about its direction."""
     _, path = checkered_environment(tmp_path)

@@ -40,12 +40,19 @@ float environment_height(uint row, float u, out float radius) {
 }
 
 LightSample light_sample(uvec2 choice, vec2 u) {
-    // a 64-bit choice: the high word picks the entry exactly evenly, the low one picks between it and its alias
+    // choice is a fraction of 64 bits; times light_count, its whole part is the entry, as even as 64 bits allow, and
+    // the rest decides between the entry and its alias
     uint high;
     uint low;
+    uint unused_low;
+    uint carried;
+    uint carry;
     umulExtended(choice.x, light_count, high, low);
+    umulExtended(choice.y, light_count, carried, unused_low);
+    uint rest = uaddCarry(low, carried, carry);
+    high += carry;
     vec4 link = lights[2u * high + 1u];
-    uint entry = float(choice.y >> 8u) * 5.9604644775390625e-8 < link.x ? high : floatBitsToUint(link.y);
+    uint entry = float(rest >> 8u) * 5.9604644775390625e-8 < link.x ? high : floatBitsToUint(link.y);
     vec4 radiance = lights[2u * entry];
     uint texel_count = uint(environment_size.x * environment_size.y);
     if (entry >= texel_count) {
