@@ -1,0 +1,51 @@
+"""Every variant of the kernel is GLSL 4.30 by the letter, as the Khronos reference compiler reads it."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from weft.renderer.config import ConstantLight, RenderConfig
+from weft.renderer.gpu.shader_source import assemble
+from weft.renderer.kernel import voxel_pages_glsl
+from weft.renderer.scene import IsotropicPhase, build_scene
+
+from .test_transport import TABLE
+from .volumes import random_grid, volume
+
+VARIANTS = list(
+    itertools.product(("exact", "delta"), ("projected", "isotropic"), ("fiber", "isotropic"), (1, 8), (0, 1))
+)
+
+
+def kernel_text(tracking, extinction, phase, count, philox):
+    """The assembled kernel with `count` media and pages of voxels."""
+    config = RenderConfig(tracking=tracking, extinction=extinction, lights=[ConstantLight()])
+    grids = [random_grid((1, 1, 1), seed=i) for i in range(count)]
+    scene = build_scene(
+        config, volume(*grids), {"a": TABLE["reference"] if phase == "fiber" else IsotropicPhase()}
+    )
+    options = {"GROUP_SIZE": 64, "STEPS_PER_ROUND": 24, "RANDOM_PHILOX": philox}
+    pieces = scene.pieces() | {"generated/voxel_pages.glsl": voxel_pages_glsl(count, 16)}
+    return assemble("path/trace.comp", constants=scene.constants() | options, pieces=pieces).text
+
+
+@pytest.mark.skipif(shutil.which("glslangValidator") is None, reason="glslang-tools is not installed")
+def test_the_reference_compiler_accepts_every_variant(tmp_path):
+    for index, variant in enumerate(VARIANTS):
+        file = tmp_path / f"{index}.comp"
+        file.write_text(kernel_text(*variant))
+        check = subprocess.run(["glslangValidator", "-l", file], capture_output=True, text=True, check=False)
+        assert check.returncode == 0, f"{variant}: {check.stdout}"
+        assert "WARNING" not in check.stdout, f"{variant}: {check.stdout}"
+
+
+def test_storage_buffers_stay_within_the_guaranteed_eight():
+    """OpenGL 4.3 promises eight storage blocks per compute program; one page of voxels must do with them."""
+    text = kernel_text("exact", "projected", "fiber", 1, 0)
+    bindings = re.findall(r"^layout\(std430, binding = (\d+)\)", text, re.MULTILINE)
+    assert [int(binding) for binding in bindings] == list(range(8))
