@@ -147,7 +147,8 @@ class RenderConfig(_Settings):
     self_shadow_offset_fibers: float = Field(default=0.0, ge=0)
     """Distance skipped after every scattering, so that a fiber's own voxels do not shadow it [fiber radii].
 
-    About 3.5 matches fibers traced one by one; not reciprocal, hence off by default.
+    About 3.5 matches fibers traced one by one; not reciprocal, hence off by default. Of several media the
+    thickest fiber counts.
     """
     tracking: Literal["exact", "delta"] = "exact"
     """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
