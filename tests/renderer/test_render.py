@@ -63,6 +63,15 @@ def test_layers_describe_the_first_scattering(result):
     assert np.isinf(result.layers["Z"][result.layers["A"] == 0]).all()
 
 
+@pytest.mark.parametrize("axis", [(1, 2, -2), (0, 1, 1), (2, -1, 2)])
+def test_the_axis_layer_shows_the_fibers(axis):
+    picture = run(CONFIG, volume(uniform_grid((2, 2, 1), 0.5, axis)), {"a": IsotropicPhase()})
+    seen = np.stack([picture.layers[f"T.{c}"] for c in "XYZ"], axis=-1)
+    hit = picture.layers["A"] > 0
+    assert np.abs(seen[hit] @ np.array(axis) / np.linalg.norm(axis)).min() > 1 - 1e-5
+    assert not seen[~hit].any()
+
+
 def test_axes_across_x_do_not_cancel():
     """Two media lean a little to either side of y: their mean axis is y, not x, to which the vectors sum."""
     lean = [uniform_grid((2, 2, 1), 0.5, (0.1, side, 0)) for side in (1.0, -1.0)]
