@@ -48,8 +48,8 @@ def fiber_phase_sample(
 ) -> tuple[Array, Array, Array]:
     """Directions wi [..., 3], weights f_p / pdf [..., 3] and pdf [...] from four uniform numbers u [..., 4].
 
-    u: lobe, longitudinal (two), azimuthal. The lobe is chosen by its largest color channel; every lobe is
-    sampled exactly, so a gray fiber has weight = albedo for every sample.
+    u, within (0, 1): lobe, longitudinal (two), azimuthal. The lobe is chosen by its largest color channel;
+    every lobe is sampled exactly, so a gray fiber has weight = albedo for every sample.
     """
     wo, u = np.asarray(wo, dtype=np.float64), np.asarray(u, dtype=np.float64)
     energies = lobe_energies(parameters, wo)
