@@ -21,7 +21,10 @@ class InputError(Exception):
         self.place = place
         self.hint = hint
         where = ":".join(str(part) for part in (path, place) if part not in (None, ""))
-        super().__init__(f"{where}: {what}" * bool(where) + what * (not where) + f" {hint}" * bool(hint))
+        message = f"{where}: {what}" if where else what
+        if hint:
+            message += f"{'' if message.endswith(('.', '?', '!')) else '.'} {hint}"
+        super().__init__(message)
 
 
 class DeviceMemoryError(InputError):

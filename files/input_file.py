@@ -9,6 +9,8 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator
 from pydantic_core import PydanticCustomError
 
+SHOWN_PATH_LENGTH = 200
+
 
 class TextFromFile(str):
     """A string read from a config file; it remembers the folder that its relative paths start from."""
@@ -24,20 +26,40 @@ class TextFromFile(str):
 def _resolve_against_its_file(value: Any) -> Any:
     if isinstance(value, TextFromFile):
         # the full path, with "~" for the home folder; symbolic links stay as the user wrote them
-        return Path(value.folder, Path(str(value)).expanduser())
+        try:
+            return Path(value.folder, Path(str(value)).expanduser())
+        except RuntimeError as error:  # "~name" of nobody
+            raise PydanticCustomError(
+                "input_file", "there is no such home folder: {path}", {"path": str(value)}
+            ) from error
     return value
 
 
 def _must_be_a_file(path: Path) -> Path:
-    if path.is_file():
-        return path
-    if path.is_dir():
+    try:
+        if path.is_file():
+            return path
+        is_folder = path.is_dir()
+    except OSError as error:
+        raise PydanticCustomError(
+            "input_file", "{reason}: {path}", {"path": _shortened(str(path)), "reason": _reason(error)}
+        ) from error
+    if is_folder:
         raise PydanticCustomError("input_file", "{path} is a folder, not a file", {"path": str(path)})
     raise PydanticCustomError(
         "input_file",
         "file not found: {path}{suggestion}",
         {"path": str(path), "suggestion": _similar_name(path)},
     )
+
+
+def _reason(error: OSError) -> str:
+    text = error.strerror or "cannot be opened"
+    return text[0].lower() + text[1:]
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= SHOWN_PATH_LENGTH else f"{text[:SHOWN_PATH_LENGTH]}…"
 
 
 def _similar_name(path: Path) -> str:

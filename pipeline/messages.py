@@ -14,6 +14,9 @@ from weft.files.errors import InputError
 
 from .toml_source import KeyPath, Origin, TomlDocument, dotted
 
+CONTROL_CHARACTERS = {code: repr(chr(code))[1:-1] for code in (*range(32), *range(127, 160))}
+"""Shown as escapes: a value with a line break in it must not break the line, nor a terminal obey it."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -25,7 +28,7 @@ class Problem:
 
     def line(self) -> str:
         parts = (place(self.origin) if self.origin else "", dotted(self.key), self.what)
-        return ": ".join(part for part in parts if part)
+        return ": ".join(part for part in parts if part).translate(CONTROL_CHARACTERS)
 
 
 class JobErrors(InputError):

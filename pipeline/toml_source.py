@@ -19,6 +19,9 @@ from weft.files.input_file import TextFromFile
 MAX_FILE_BYTES = 4 * 2**20
 """A job is a page or two; anything larger is not a job."""
 
+MAX_DEPTH = 64
+"""Tables and arrays within each other; a job has six. What walks a job may then do so by recursion."""
+
 KeyPath = tuple[str | int, ...]
 """Where a value lies: table and key names, and indices into arrays."""
 
@@ -57,7 +60,9 @@ def read_toml(path: Path) -> TomlDocument:
     except tomllib.TOMLDecodeError as error:
         raise _syntax_error(path, error) from error
     except RecursionError as error:
-        raise InputError("nested too deeply for a config file", path=path) from error
+        raise _nested_too_deeply(path) from error
+    if any(len(key) > MAX_DEPTH for key in lines):
+        raise _nested_too_deeply(path)
     origins = {key: Origin(path, line) for key, line in lines.items()}
     document = TomlDocument(with_folder(table, path.resolve().parent), origins)
     _refuse_non_finite(document, path)
@@ -66,13 +71,19 @@ def read_toml(path: Path) -> TomlDocument:
 
 def _read_text(path: Path) -> str:
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"is {path.stat().st_size:,} bytes; a config file has at most 4 MiB", path=path)
-        return path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            data = file.read(MAX_FILE_BYTES + 1)  # devices and pipes do not tell their size
+        if len(data) > MAX_FILE_BYTES:
+            raise InputError("is too large; a config file has at most 4 MiB", path=path)
+        return data.decode("utf-8-sig")  # some editors begin a file with a mark
     except UnicodeDecodeError as error:
         raise InputError("is not UTF-8 text, so it is not a TOML file", path=path) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", path=path) from error
+
+
+def _nested_too_deeply(path: Path) -> InputError:
+    return InputError("nested too deeply for a config file", path=path)
 
 
 def _syntax_error(path: Path, error: tomllib.TOMLDecodeError) -> InputError:
@@ -190,6 +201,8 @@ class _LineScan:
         while self._skip(self.BLANK) and self.text.startswith(".", self.position):
             self.position += 1
             keys.append(self._key())
+            if len(keys) > MAX_DEPTH:  # noted one by one, the paths to a million dots would fill the memory
+                raise RecursionError
         return tuple(keys)
 
     def _key(self) -> str:
