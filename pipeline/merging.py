@@ -14,10 +14,27 @@ def merge(lower: TomlDocument, upper: TomlDocument) -> TomlDocument:
     table = merge_values(lower.table, upper.table)
     origins: dict[KeyPath, Origin] = {}
     for path in _paths(table):
-        origin = upper.origins.get(path) or lower.origins.get(path)
+        origin = upper.origins.get(path)
+        if origin is None and _is_as_before(path, lower.table, table):
+            origin = lower.origins.get(path)
         if origin is not None:
             origins[path] = origin
     return TomlDocument(table, origins)
+
+
+def _is_as_before(path: KeyPath, lower: Any, merged: Any) -> bool:
+    """Whether what stands at `path` was not replaced: it has its old value, or is a table merged by keys."""
+    before, now = _at(path, lower), _at(path, merged)
+    return before == now or (isinstance(now, dict) and all(isinstance(part, str) for part in path))
+
+
+def _at(path: KeyPath, value: Any) -> Any:
+    for part in path:
+        try:
+            value = value[part]
+        except (LookupError, TypeError):
+            return None
+    return value
 
 
 def merge_values(lower: Any, upper: Any) -> Any:

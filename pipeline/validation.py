@@ -24,6 +24,8 @@ PLAIN_DEMANDS = {
     **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a table"),
     **dict.fromkeys(("string_type", "path_type"), "must be text"),
     "finite_number": "must be finite",
+    "too_long": "must have at most {max_length} items",
+    "too_short": "must have at least {min_length} items",
 }
 """pydantic's own words for these say how it parses rather than what to write."""
 
@@ -33,7 +35,10 @@ def problems_of(
 ) -> list[Problem]:
     """One problem for each key, in the order of the file."""
     whats: dict[KeyPath, list[str]] = {}
-    for details in _all_details(error):
+    every = list(_all_details(error))
+    for details in every:
+        if details["type"] == "too_short" and _has_wrong_items(details["loc"], every):
+            continue
         key, table = _key_of(details["loc"], model)
         key, what = _explain(details, key, table, model)
         if what not in whats.setdefault(key, []):
@@ -53,6 +58,11 @@ def _all_details(error: ValidationError, location: tuple[str | int, ...] = ()) -
             yield from _all_details(inner, details["loc"])
         else:
             yield details
+
+
+def _has_wrong_items(location: tuple[str | int, ...], every: Sequence[ErrorDetails]) -> bool:
+    """pydantic does not count the items that it refuses, and calls what is left too short."""
+    return any(details["loc"][: len(location)] == location != details["loc"] for details in every)
 
 
 def _position(origin: Origin | None) -> tuple[str, int]:
@@ -84,7 +94,7 @@ def _explain(
         return key, f"found {_shown(value)}; {_one_of(known)}{_close(value, known)}"
     if kind in ("input_file", "value_error"):
         return key, details["msg"].removeprefix("Value error, ")
-    return key, f"found {_shown(value)}; {PLAIN_DEMANDS.get(kind) or _demand(details['msg'])}"
+    return key, f"found {_shown(value)}; {_demand(kind, details['msg'], context)}"
 
 
 def _unknown_key(key: KeyPath, value: Any, table: type[BaseModel] | None, model: type[BaseModel]) -> str:
@@ -106,7 +116,7 @@ def _without_indices(key: KeyPath) -> KeyPath:
 def _what_it_is(table: type[BaseModel] | None, key: KeyPath) -> str:
     field = table.model_fields.get(str(key[-1])) if table else None
     text = (field.description or "") if field else ""
-    return f": {text.split('. ')[0].rstrip('.')}" if text else ""
+    return f" ({text[:1].lower()}{text[1:].split('. ')[0].rstrip('.')})" if text else ""
 
 
 def _quoted_names(text: str) -> list[str]:
@@ -128,7 +138,9 @@ def _shown(value: Any) -> str:
     return text if len(text) <= SHOWN_VALUE_LENGTH else f"{text[:SHOWN_VALUE_LENGTH]}…"
 
 
-def _demand(message: str) -> str:
+def _demand(kind: str, message: str, context: dict[str, Any]) -> str:
+    if kind in PLAIN_DEMANDS:
+        return PLAIN_DEMANDS[kind].format(**context)
     for start in ("Input should be ", "Input must be "):
         if message.startswith(start):
             return "must be " + message.removeprefix(start)

@@ -77,9 +77,9 @@ class KnitConfig(_Config):
     size_mm: Size
     """Width (along the courses, x) and height (y), made of whole wales and courses."""
     stitch_width_mm: Positive
-    """Width of one wale; the gauge across."""
+    """Width of one stitch (a wale), which sets the gauge across the cloth."""
     course_spacing_mm: Positive | None = None
-    """Height of one course; the gauge along. Default 0.65 stitch widths."""
+    """Height of one stitch (a course), which sets the gauge along the cloth. Default 0.65 stitch widths."""
     radius_mm: Positive | None = None
     """Yarn radius. Default an eighth of the stitch width, at which neighboring strands just touch."""
     type_name: TypeName = "yarn"

@@ -32,7 +32,7 @@ def test_all_mistakes_of_a_file_are_reported_at_once_in_its_order(folder):
         f"{path}:3: thread.file: file not found: {folder.path}/fleese.txt; did you mean 'fleece.txt'?",
         f"{path}:4: thread.strnds: unknown key; did you mean 'strands'?",
         f"{path}:5: thread.size_mm[1]: found 'a'; must be a number",
-        f"{path}:6: cloth.color: is missing: Name of the color",
+        f"{path}:6: cloth.color: is missing (name of the color)",
         f"{path}:7: cloth.weight: found -1; must be greater than 0",
     ]
 
