@@ -4,9 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
 SETTINGS = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+
+LARGEST_MM = 1e6
+"""A kilometer: far beyond any yarn, and far below where squares overflow."""
+SMALLEST_MM = 1e-6
+
+
+def _zero_or_a_length(value: float) -> float:
+    if value != 0 and abs(value) < SMALLEST_MM:
+        raise ValueError(f"is {value:g}; must be 0 or at least {SMALLEST_MM:g}")
+    return value
+
+
+Length = Annotated[float, Field(ge=SMALLEST_MM, le=LARGEST_MM)]
+Distance = Annotated[float, Field(ge=0, le=LARGEST_MM)]
+SignedDistance = Annotated[float, Field(ge=-LARGEST_MM, le=LARGEST_MM)]
+Pitch = Annotated[SignedDistance, AfterValidator(_zero_or_a_length)]
 
 
 class FiberValues(BaseModel):
@@ -24,42 +41,42 @@ class FiberValues(BaseModel):
     """Plies per yarn, K."""
     fibers_per_ply: int = Field(ge=1, le=100_000)
     """Fibers per ply, m, before `fiber_count_scale`."""
-    fiber_radius_mm: float = Field(gt=0)
+    fiber_radius_mm: Length
     """Radius a of one fiber; not among the fitted values, and never scaled."""
-    ply_pitch_mm: float
+    ply_pitch_mm: Pitch
     """Length of yarn in which the plies turn once around each other, alpha_ply; 0 for no twist."""
-    fiber_pitch_mm: float
+    fiber_pitch_mm: Pitch
     """Length of yarn in which the fibers turn once around their ply, alpha; 0 for no twist."""
-    ply_center_radius_mm: float = Field(ge=0)
+    ply_center_radius_mm: Distance
     """Distance of the ply centers from the yarn's center, R_ply (half of the fitted files' `yarn_radius`)."""
-    ellipse_long_mm: float = Field(gt=0)
+    ellipse_long_mm: Length
     """Half axis of a ply's cross-section along the circle of ply centers, e_X."""
-    ellipse_short_mm: float = Field(gt=0)
+    ellipse_short_mm: Length
     """Half axis of a ply's cross-section toward the yarn's center, e_Y."""
     cross_section_epsilon: float = Field(ge=0, le=1)
     """Uniform part of the cross-section density, epsilon (equation 1)."""
-    cross_section_beta: float = Field(ge=0)
+    cross_section_beta: float = Field(ge=0, le=1e6)
     """How strongly the fibers gather in the middle of the ply, beta (equation 1)."""
-    migration_per_turn: float = Field(ge=0)
+    migration_per_turn: float = Field(ge=0, le=1e6)
     """Migration periods per turn of the fiber, s (equation 3); the period is fiber pitch / s."""
     migration_min: float = Field(ge=0, le=1)
     """Smallest radius of a migrating fiber as a part of its own, R_min."""
-    migration_max: float = Field(default=1.0, ge=0)
+    migration_max: float = Field(default=1.0, ge=0, le=100)
     """Largest radius of a migrating fiber as a part of its own, R_max."""
 
     hair_density_per_mm: float = Field(ge=0)
     """Hair fly-aways per mm of ply, rho_hair."""
-    hair_z_span_mm: float
+    hair_z_span_mm: SignedDistance
     """Mean extent of a hair along the yarn, z_span (equation 11)."""
-    hair_z_span_sd_mm: float = Field(ge=0)
+    hair_z_span_sd_mm: Distance
     """Its standard deviation as stored; see `flyaway_sd_factor`."""
-    hair_radius_mm: float
+    hair_radius_mm: SignedDistance
     """Mean distance from the ply center at which a hair begins, R_min (equation 11)."""
-    hair_radius_sd_mm: float = Field(ge=0)
+    hair_radius_sd_mm: Distance
     """Its standard deviation as stored."""
-    hair_radius_span_mm: float
+    hair_radius_span_mm: SignedDistance
     """Mean growth of that distance over the hair, R_span (equation 11)."""
-    hair_radius_span_sd_mm: float = Field(ge=0)
+    hair_radius_span_sd_mm: Distance
     """Its standard deviation as stored."""
     hair_angle_span_deg: float
     """Mean angle around the ply that a hair covers, theta_span (equation 11)."""
@@ -67,11 +84,11 @@ class FiberValues(BaseModel):
     """Its standard deviation as stored."""
     loop_density_per_mm: float = Field(ge=0)
     """Loop fly-aways per mm of ply, rho_loop."""
-    loop_radius_mm: float = Field(ge=0)
+    loop_radius_mm: Distance
     """Mean distance of a loop's peak from the ply center, R_loop."""
-    loop_radius_sd_mm: float = Field(ge=0)
+    loop_radius_sd_mm: Distance
     """Its standard deviation as stored."""
-    flyaway_sd_factor: float = Field(default=0.5, ge=0)
+    flyaway_sd_factor: float = Field(default=0.5, ge=0, le=1e6)
     """Standard deviations over the stored ones, for all fly-aways: the files store twice the normal's."""
     hair_root_inside: bool = True
     """Hairs that would begin outside their ply begin on its border, so that none floats free."""
@@ -84,20 +101,20 @@ class FiberValues(BaseModel):
     """apart: slimmer plies side by side, each touching the yarn's radius. Default: apart with fit_radius."""
     apart_ellipse_scale: float = Field(default=0.82, gt=0, le=1)
     """Factor on both half axes of the plies when they are set apart."""
-    apart_ply_pitch_scale: float = Field(default=0.7, gt=0)
+    apart_ply_pitch_scale: float = Field(default=0.7, ge=1e-6, le=1e6)
     """Factor on the ply pitch when plies are set apart."""
     fuzz: float = Field(default=1.0, ge=0)
     """Factor on the number of fly-aways of both kinds; 2 to 4 reads as knitting wool."""
-    fuzz_length: float = Field(default=1.0, ge=0)
+    fuzz_length: float = Field(default=1.0, ge=0, le=1e6)
     """Factor on the length of hairs: their extent along the yarn and away from the ply."""
     perturbation: float = Field(default=0.0, ge=0, lt=1)
     """Largest random change of a fiber's radius, as a part of it; 0.125 in the original tool, 0 is none."""
-    perturbation_length_mm: float = Field(default=0.5, gt=0)
+    perturbation_length_mm: Length = 0.5
     """Length over which that random change varies, in mm of yarn."""
 
-    segment_mm: float | None = Field(default=None, gt=0)
+    segment_mm: Length | None = None
     """Longest fiber segment, measured along the yarn. Default: from `sagitta_in_fiber_radii`."""
-    sagitta_in_fiber_radii: float = Field(default=0.25, gt=0)
+    sagitta_in_fiber_radii: float = Field(default=0.25, gt=0, le=1e6)
     """Largest distance of a typical fiber from its segments, where `segment_mm` is not given."""
 
 

@@ -14,7 +14,7 @@ class VoxelizeConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
-    voxel_size_mm: float = Field(gt=0)
+    voxel_size_mm: float = Field(ge=1e-6, le=1000)
     """Edge of a voxel. Memory grows as it shrinks; below the fiber diameter the density turns spiky."""
     region_mm: tuple[Corner, Corner] | None = None
     """Only what lies in this box, [[x0, y0, z0], [x1, y1, z1]], widened to whole voxels. Default: all."""

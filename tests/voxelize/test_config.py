@@ -12,7 +12,8 @@ from weft.voxelize.config import VoxelizeConfig
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"voxel_size_mm": 0}, "greater than 0"),
+        ({"voxel_size_mm": 0}, "greater than or equal to"),
+        ({"voxel_size_mm": 1e30}, "less than or equal to 1000"),
         ({"voxel_size_mm": float("nan")}, "finite"),
         ({"voxel_size_mm": float("inf")}, "finite"),
         ({"voxel_size_mm": 1, "region_mm": ((0, 0, 0), (1, 0, 1))}, "first corner must lie below"),
