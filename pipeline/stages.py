@@ -95,6 +95,7 @@ def make_scattering(work: StageWork) -> dict[str, Any]:
     from .scattering_file import EVERY_MEDIUM, write_scattering
 
     config = work.job.table("scattering")
+    refuse_unknown_types(work.job, [name for name in config.by_type if name == EVERY_MEDIUM], ())
     media = {EVERY_MEDIUM: config.to_parameters()}
     media |= {name: config.parameters_for(name) for name in config.by_type}
     write_scattering(work.outputs["parameters"], media)

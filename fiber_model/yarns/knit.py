@@ -44,7 +44,7 @@ def knit_yarns(
     wales = max(round(size_mm[0] / stitch_width_mm), 1)
     courses = max(round(size_mm[1] / course), 1)
     refuse_too_many_points(
-        courses * (wales * POINTS_PER_STITCH + 1), f"{courses} courses of {wales} stitches"
+        courses * (wales * POINTS_PER_STITCH + 1), f"yarns.size_mm: {courses} courses of {wales} stitches"
     )
     row = knit_course(wales, stitch_width_mm, course, radius)
     heights = (np.arange(courses) - 0.5 * (courses - 1)) * course

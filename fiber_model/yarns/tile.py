@@ -75,7 +75,7 @@ def tile_yarns(
     repeats = tuple(
         int(np.ceil(size / period)) + 2 for size, period in zip(size_mm, tile.period, strict=True)
     )
-    refuse_too_many_points(len(tile.points) * repeats[0] * repeats[1], "the tiled rectangle")
+    refuse_too_many_points(len(tile.points) * repeats[0] * repeats[1], "yarns.size_mm: the tiled rectangle")
     yarns, translation = repeat_tile(tile, (repeats[0], repeats[1]), type_name=type_name)
     if progress is not None:
         progress(0.5, f"{repeats[0]} x {repeats[1]} tiles")

@@ -80,7 +80,7 @@ def weave_yarns(
     pattern = draft_matrix(draft)
     warp = YarnSystem(max(round(size_mm[0] * warp_per_cm / 10), 1), 10 / warp_per_cm, warp_radius_mm)
     weft = YarnSystem(max(round(size_mm[1] * weft_per_cm / 10), 1), 10 / weft_per_cm, weft_radius_mm)
-    refuse_too_many_points(2 * POINTS_PER_CROSSING * warp.count * weft.count, "this weave")
+    refuse_too_many_points(2 * POINTS_PER_CROSSING * warp.count * weft.count, "yarns.size_mm: this weave")
     _refuse_touching(warp, "warp")
     _refuse_touching(weft, "weft")
     warp_height, weft_height = crimp_heights(pattern, warp, weft, warp_crimp)

@@ -18,6 +18,8 @@ SCHEMA = "weft.yarns"
 SCHEMA_VERSION = 1
 REQUIRED = ("points", "offsets", "closed", "radius", "yarn_type", "type_names")
 OPTIONAL = ("twist", "surface_uv")
+KINDS = {"schema": "U", "type_names": "U", "offsets": "iu", "yarn_type": "iu"}
+"""numpy's letters for the kinds of value that an array may hold; all others hold numbers."""
 MAX_COMPRESSION = 1100
 """Deflate never does better than 1032 to 1; a member that claims more is damaged."""
 
@@ -80,6 +82,8 @@ def _read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:
         if version != (1, 0):
             raise ValueError("unknown array version")
         shape, _, dtype = np.lib.format.read_array_header_1_0(member)
+        if dtype.kind not in KINDS.get(info.filename.removesuffix(".npy"), "biuf"):
+            raise ValueError("another kind of value")
         if math.prod(shape) * dtype.itemsize > info.file_size:
             raise ValueError("more values announced than there are")
     with archive.open(info) as member:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ MIN_POINTS = 4
 MAX_COORDINATE_MM = 1e7
 """Ten kilometers: larger coordinates are a wrong unit or a corrupt file."""
 
+TYPE_NAME = r"[A-Za-z][A-Za-z0-9_]{0,31}"
+"""Yarn types name the grids of the volume, which other programs read, too."""
 MAX_POINTS = 100_000_000
 """Control points that a generator or reader may make: 2.4 GB of coordinates."""
 
@@ -227,6 +230,9 @@ def _check_values(yarns: YarnSet) -> None:
         (yarns.yarn_type < 0) | (yarns.yarn_type >= len(yarns.type_names)),
         lambda y: f"yarn {y} has type {yarns.yarn_type[y]}, but there are {len(yarns.type_names)} type names",
     )
+    for name in yarns.type_names:
+        if not re.fullmatch(TYPE_NAME, name):
+            raise InputError(f"{name!r} is no name of a yarn type; need letters, digits and _, at most 32")
     low = np.minimum.reduceat(yarns.points, yarns.offsets[:-1])
     high = np.maximum.reduceat(yarns.points, yarns.offsets[:-1])
     _refuse_first((low == high).all(axis=1), lambda y: f"yarn {y} has no length: all its points coincide")
