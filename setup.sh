@@ -4,10 +4,6 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 
-stamp=.venv/.set-up
-wanted=$(cat setup.sh pyproject.toml voxelize/openvdb_extension/* | sha256sum)
-if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ]; then exit 0; fi
-
 python=${PYTHON:-python3}
 say() { printf 'setup: %s\n' "$*" >&2; }
 
@@ -21,17 +17,31 @@ command -v "$python" >/dev/null || packages="$packages python3"
     packages="$packages python3-dev"
 
 installed() { dpkg-query -W -f '${Status}' "$1" 2>/dev/null | grep -q 'ok installed'; }
-missing=""
-if command -v dpkg-query >/dev/null; then
+find_missing() {
+    missing=""
+    command -v dpkg-query >/dev/null || return 0
     for package in $packages; do installed "$package" || missing="$missing $package"; done
-fi
+}
+
+# What is missing belongs to the stamp: who installs it by hand later gets weft built anew, with it.
+stamp=.venv/.set-up
+sources=$(cat setup.sh pyproject.toml voxelize/openvdb_extension/* | sha256sum)
+find_missing
+if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$sources$missing" ]; then exit 0; fi
+
 if [ -n "$missing" ]; then
     say "installing system packages:$missing"
     root=""
     [ "$(id -u)" = 0 ] || root=sudo
-    if ! { $root apt-get update -qq &&
-           $root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing; } >&2; then
-        say "could not install them; going on without (weft doctor says what is missing). By hand:"
+    install() {
+        $root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >&2
+    }
+    $root apt-get update -qq >&2 || true
+    # One by one where not all can be had: apt takes none of a list of which it does not know one.
+    install $missing || for package in $missing; do install "$package" || true; done
+    find_missing
+    if [ -n "$missing" ]; then
+        say "could not install$missing; going on without (weft doctor says what that means). By hand:"
         say "  sudo apt-get install$missing"
     fi
 fi
@@ -40,8 +50,8 @@ fi
     say "Python 3.11 or newer is needed, found $("$python" --version); set PYTHON=/path/to/python3.11"
     exit 2
 }
-[ -x .venv/bin/python ] || "$python" -m venv .venv
+.venv/bin/python -m pip --version >/dev/null 2>&1 || "$python" -m venv --clear .venv
 say "installing weft into .venv (about a minute)"
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-printf '%s' "$wanted" > "$stamp"
+printf '%s' "$sources$missing" > "$stamp"
 say "done"
