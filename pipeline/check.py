@@ -11,7 +11,7 @@ from .cache import stage_key, why_stale
 from .job import Job
 from .messages import placed_in, shown
 from .run import input_files, needed
-from .stages import CHAIN, targets
+from .stages import CHAIN, refuse_unknown_types, refuse_unwritable_formats, targets
 
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
@@ -24,12 +24,15 @@ CHEAP_YARN_LENGTH_MM = 50_000.0
 def check_job(job: Job) -> Iterator[str]:
     """Lines about the job. Raises `InputError` for what the run would refuse."""
     with placed_in(job.document):
-        yield from _checked(job, needed(job, CHAIN, targets(job)))
+        lines = list(_checked(job, needed(job, CHAIN, targets(job))))
+    yield f"{shown(job.path)}: no mistakes found"
+    yield from lines
 
 
 def _checked(job: Job, names: list[str]) -> Iterator[str]:
-    yield f"{shown(job.path)}: no mistakes found"
     yield f"results in {shown(job.output)}: {', '.join(names)}"
+    if "voxelize" in names:
+        refuse_unwritable_formats(job)
     if "yarns" in names:
         yarns = _yarns(job)
         length, types = yarns.lengths().sum() / 1000, " and ".join(yarns.type_names)
@@ -51,8 +54,6 @@ def _yarns(job: Job) -> YarnSet:
 
 
 def _check_types(job: Job, yarns: YarnSet) -> None:
-    from .stages import refuse_unknown_types
-
     if job.has("scattering"):
         refuse_unknown_types(job, list(job.table("scattering").by_type), yarns.type_names)
 

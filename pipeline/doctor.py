@@ -27,7 +27,7 @@ LOW_DISK_GIB = 2.0
 
 GL_PACKAGES = "apt install libegl1 libgl1 libgl1-mesa-dri, or a GPU driver with EGL"
 OPENVDB_PACKAGES = (
-    "apt install libopenvdb-dev libboost-dev libtbb-dev libimath-dev, then install weft again; "
+    "apt install g++ libopenvdb-dev libboost-dev libtbb-dev libimath-dev, then install weft again; "
     'until then use voxelize.formats = ["nvdb"]'
 )
 LIBRARIES = ("numpy", "scipy", "pydantic", "cyclopts", "rich", "moderngl", "pillow", "trimesh", "pyvista")
@@ -157,9 +157,10 @@ def _probe_jax() -> tuple[bool, str, str]:
 
 
 def _probe_openvdb() -> tuple[bool, str, str]:
-    from weft.voxelize.openvdb_library import extension
+    from weft.voxelize.openvdb_library import library_version
 
-    return True, str(extension().version), ""
+    version = library_version()
+    return version is not None, version or "was not there when weft was installed", ""
 
 
 def _probe_openexr() -> tuple[bool, str, str]:

@@ -72,6 +72,7 @@ def make_volume(work: StageWork) -> dict[str, Any]:
     from weft.voxelize.accumulator import DEVICE
     from weft.voxelize.voxelize import run
 
+    refuse_unwritable_formats(work.job)
     fibers = fiber_set(work)
     volume = run(work.job.table("voxelize"), fibers, progress=_part(work.progress, FIBERS_SHARE, 1.0))
     for path in work.outputs.values():
@@ -189,6 +190,14 @@ def media_scattering(
 
     refuse_unknown_types(job, [name for name in parameters if name != EVERY_MEDIUM], volume.media)
     return {name: parameters.get(name, parameters[EVERY_MEDIUM]) for name in volume.media}
+
+
+def refuse_unwritable_formats(job: Job) -> None:
+    """Before the work rather than after it: a .vdb file needs OpenVDB."""
+    from weft.voxelize.openvdb_library import extension
+
+    if "vdb" in job.table("voxelize").formats:
+        extension()
 
 
 def refuse_unknown_types(job: Job, names: Sequence[str], types: Sequence[str]) -> None:

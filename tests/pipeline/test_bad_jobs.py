@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from weft.files.errors import InputError
 from weft.pipeline.cli import exit_code
+from weft.voxelize import openvdb_library
 
 JOB = """\
 [yarns]
@@ -31,7 +33,9 @@ def complaints(tmp_path, capsys, text, *options, command="check"):
     path = tmp_path / "job.toml"
     path.write_text(text, encoding="utf-8")
     assert exit_code([command, str(path), *options]) == 2
-    lines = capsys.readouterr().err.splitlines()
+    shown = capsys.readouterr()
+    assert shown.out == ""  # nor "no mistakes found" ahead of one
+    lines = shown.err.splitlines()
     return [line.replace(f"{tmp_path}/", "") for line in lines if ": stale because" not in line]
 
 
@@ -139,3 +143,21 @@ def test_yarn_file_with_a_foreign_field_is_refused(tmp_path, capsys, field, valu
     (line,) = complaints(tmp_path, capsys, YARN_FILE, command="yarns")
     assert line.startswith("yarns.npz: ")
     assert expected in line
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_missing_openvdb_is_told_before_the_work(tmp_path, capsys, monkeypatch, command):
+    def missing():
+        raise InputError(".vdb needs OpenVDB")
+
+    monkeypatch.setattr(openvdb_library, "extension", missing)
+    *_, line = complaints(tmp_path, capsys, JOB.replace("nvdb", "vdb"), command=command)
+    assert line == ".vdb needs OpenVDB"
+    assert not (tmp_path / "job.out" / "volume.vdb").exists()
+
+
+def test_without_openvdb_nvdb_needs_nothing(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(openvdb_library, "extension", lambda: pytest.fail("OpenVDB was asked for"))
+    path = tmp_path / "job.toml"
+    path.write_text(JOB)
+    assert exit_code(["check", str(path)]) == 0

@@ -193,8 +193,9 @@ def test_our_own_mistakes_stay_tracebacks(monkeypatch):
 
 
 SLEEP = """
-import sys, time
+import signal, sys, time
 from weft.pipeline import cli
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs are born ignoring it
 def sleep():
     print("working", flush=True)
     time.sleep(60)
