@@ -163,7 +163,7 @@ def test_refuses_an_unknown_yarn_type(fiber_config, straight_yarn) -> None:
 
 def test_refuses_more_nodes_than_fit(fiber_config, straight_yarn) -> None:
     with pytest.raises(InputError, match=r"Raise fibers.segment_mm"):
-        run(fiber_config("cotton2", segment_mm=1e-7), straight_yarn(1000.0))
+        run(fiber_config("cotton2", segment_mm=1e-6), straight_yarn(1000.0))
 
 
 def test_refuses_more_fibers_than_fit(fiber_config, straight_yarn) -> None:

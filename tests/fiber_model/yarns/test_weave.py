@@ -107,7 +107,7 @@ def test_one_or_two_yarn_types():
         ),
         (
             {"size": (1e6, 1e6)},
-            "this weave would have 88,320,000,000,000 control points; at most 100,000,000 fit",
+            "yarns.size_mm: this weave would have 88,320,000,000,000 control points; at most 100,000,000 fit",
         ),
     ],
 )
