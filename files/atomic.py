@@ -35,6 +35,8 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             hint = "Free some and run again."
             raise DiskSpaceError("no space left on the disk.", path=path, hint=hint) from error
+        if path.is_dir():
+            raise InputError("is a folder, not a file", path=path) from error
         raise
     finally:
         temporary.unlink(missing_ok=True)

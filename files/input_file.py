@@ -25,6 +25,8 @@ class TextFromFile(str):
 
 def _resolve_against_its_file(value: Any) -> Any:
     if isinstance(value, TextFromFile):
+        if "\0" in value:
+            raise PydanticCustomError("input_file", "no path can hold a null character")
         # the full path, with "~" for the home folder; symbolic links stay as the user wrote them
         try:
             return Path(value.folder, Path(str(value)).expanduser())

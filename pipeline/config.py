@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weft.fiber_model.config import FibersConfig
 from weft.fiber_model.scattering_config import ScatteringConfig
@@ -39,10 +39,20 @@ class ExportTable(_Table):
     """npz: all there is to know of each curve; obj: polylines, grouped by yarn."""
     yarns: tuple[int, int] | None = None
     """First yarn and the one after the last. Default: all."""
-    arc_length_mm: tuple[float, float] | None = None
+    arc_length_mm: tuple[Annotated[float, Field(le=1e9)], Annotated[float, Field(le=1e9)]] | None = None
     """Part of each yarn, from its beginning. Default: its whole length."""
     box_mm: tuple[Corner, Corner] | None = None
     """Lower and upper corner of a box that the curves are cut to."""
+
+    @model_validator(mode="after")
+    def _ranges_rise(self) -> ExportTable:
+        for name in ("yarns", "arc_length_mm"):
+            part = getattr(self, name)
+            if part is not None and not 0 <= part[0] < part[1]:
+                raise ValueError(f"{name} must rise from 0 or more, found {list(part)}")
+        if self.box_mm is not None and not all(low < high for low, high in zip(*self.box_mm, strict=True)):
+            raise ValueError("the first corner of box_mm must lie below the second on every axis")
+        return self
 
 
 class OutputTable(_Table):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from weft.files.errors import InputError
@@ -27,7 +28,7 @@ def _read(
     path: Path, named_at: Origin | None, including: tuple[Path, ...], problems: list[Problem]
 ) -> TomlDocument:
     key = ("include",) if named_at else ()
-    chain = (*including, path.resolve())
+    chain = (*including, Path(os.path.realpath(path)))
     if chain[-1] in including:
         loop = " -> ".join(shown(file) for file in chain[including.index(chain[-1]) :])
         problems.append(Problem(named_at, key, f"files include each other: {loop}"))
@@ -46,11 +47,15 @@ def _read(
     return merge(below, without(document, "include"))
 
 
+def _is_name(value: object) -> bool:
+    return isinstance(value, TextFromFile) and "\0" not in value
+
+
 def _included_names(
     document: TomlDocument, path: Path, problems: list[Problem]
 ) -> list[tuple[TextFromFile, Origin]]:
     names = document.table.get("include", [])
-    if not isinstance(names, list) or not all(isinstance(name, TextFromFile) for name in names):
+    if not isinstance(names, list) or not all(map(_is_name, names)):
         what = 'must be a list of files, as in include = ["cotton.toml"]'
         problems.append(Problem(document.origin(("include",)), ("include",), what))
         return []

@@ -23,7 +23,11 @@ MAX_TEXT_BYTES = 2**30
 
 def describe(path: Path, *, verify: bool = False, as_json: bool = False) -> list[str]:
     """Lines for people, or one JSON object. Raises `InputError` for what cannot be read or has changed."""
-    if not path.is_file():
+    try:
+        there = path.is_file()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", path=path) from error
+    if not there:
         raise InputError("is a folder; give a file" if path.is_dir() else "no such file", path=path)
     reader = READERS.get(_kind(path))
     if reader is None:

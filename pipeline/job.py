@@ -81,7 +81,8 @@ def _output_folder(path: Path, config: Any, document: TomlDocument) -> Path:
     origin = document.origin(key)
     if origin is not None and origin.path is None:
         return folder
-    if not folder.resolve().is_relative_to(home) or folder.resolve() == home:
-        what = f"leads to {folder.resolve()}, outside the job's folder; give --output to write there"
+    real = Path(os.path.realpath(folder))
+    if not real.is_relative_to(home) or real == home:
+        what = f"leads to {real}, outside the job's folder; give --output to write there"
         raise JobErrors([Problem(origin, key, what)])
     return folder

@@ -13,7 +13,7 @@ from typing import Any
 
 from .merging import merge, merge_values
 from .messages import JobErrors, Problem
-from .toml_source import KeyPath, Origin, TomlDocument, with_folder
+from .toml_source import MAX_DEPTH, KeyPath, Origin, TomlDocument, with_folder
 
 
 def apply_overrides(document: TomlDocument, overrides: Sequence[str]) -> TomlDocument:
@@ -35,6 +35,8 @@ def _override(table: dict[str, Any], text: str, origin: Origin) -> TomlDocument:
     keys = [key.strip() for key in name.split(".")]
     if not equals or not all(keys):
         raise ValueError("write it as key.key=value, for example --set render.samples_per_pixel=64")
+    if len(keys) > MAX_DEPTH:
+        raise ValueError(f"no key of a job has more than {MAX_DEPTH} parts")
     value = with_folder(_parse(value_text.strip()), Path.cwd())
     path: KeyPath = tuple(int(key) if key.isdigit() else key for key in keys)
     return TomlDocument(_nested(table, path, value), {path[:end]: origin for end in range(1, len(path) + 1)})

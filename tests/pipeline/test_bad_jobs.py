@@ -50,6 +50,12 @@ def complaints(tmp_path, capsys, text, *options, command="check"):
         ("fibers.ply_pitch_mm=1e-300", "fibers.ply_pitch_mm: is 1e-300; must be 0 or at least 1e-06"),
         ("fibers.by_type.yarn.fiber_pitch_mm=1e-300", "is 1e-300; must be 0 or at least 1e-06"),
         ("fibers.migration_max=1e30", "must be less than or equal to 100"),
+        ("export.yarns=[5,2]", "export: yarns must rise from 0 or more, found [5, 2]"),
+        ("export.arc_length_mm=[0,1e308]", "must be less than or equal to"),
+        ("export.box_mm=[[1,1,1],[0,0,0]]", "the first corner of box_mm must lie below the second"),
+        ("output.folder='~nobody-of-this-name'", "there is no such home folder: ~nobody"),
+        ('output.folder="a\\u0000b"', "no path can hold a null character"),
+        (".".join("a" * 100) + "=1", "no key of a job has more than 64 parts"),
         ("yarns.file='/" + "a" * 5000 + "'", "unknown key"),
         ("render.volume='/" + "a" * 5000 + "'", "render.volume: file name too long: /aaaa"),
         ("render.volume='~nobody-of-this-name/x.vdb'", "there is no such home folder: ~nobody"),
@@ -161,3 +167,21 @@ def test_without_openvdb_nvdb_needs_nothing(tmp_path, capsys, monkeypatch):
     path = tmp_path / "job.toml"
     path.write_text(JOB)
     assert exit_code(["check", str(path)]) == 0
+
+
+def test_null_character_in_an_include(tmp_path, capsys):
+    (line,) = complaints(tmp_path, capsys, 'include = ["a\\u0000b.toml"]\n')
+    assert line.startswith("job.toml:1: include: must be a list of files")
+
+
+@pytest.mark.parametrize("command", ["check", "inspect"])
+def test_names_that_lead_nowhere(tmp_path, capsys, command):
+    (tmp_path / "loop.toml").symlink_to("loop.toml")
+    for name in ("loop.toml", "a" * 300 + ".toml"):
+        assert exit_code([command, str(tmp_path / name)]) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_schema_does_not_replace_a_folder(tmp_path, capsys):
+    assert exit_code(["schema", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.endswith("is a folder, not a file\n")
