@@ -34,8 +34,10 @@ def _checked(job: Job, names: list[str]) -> Iterator[str]:
     if "voxelize" in names:
         refuse_unwritable_formats(job)
     if "yarns" in names:
+        from weft.fiber_model.yarns.catmull_rom import yarn_lengths
+
         yarns = _yarns(job)
-        length, types = yarns.lengths().sum() / 1000, " and ".join(yarns.type_names)
+        length, types = yarn_lengths(yarns).sum() / 1000, " and ".join(yarns.type_names)
         yield f"yarns: {yarns.yarn_count:,} yarns, {length:.3g} m of {types}"
         _check_types(job, yarns)
         if "voxelize" in names:
@@ -60,7 +62,9 @@ def _check_types(job: Job, yarns: YarnSet) -> None:
 
 def _memory(job: Job, yarns: YarnSet) -> Iterator[str]:
     """Refuses a grid that would not fit, where finding out takes seconds at most."""
-    if yarns.lengths().sum() > CHEAP_YARN_LENGTH_MM:
+    from weft.fiber_model.yarns.catmull_rom import yarn_lengths
+
+    if yarn_lengths(yarns).sum() > CHEAP_YARN_LENGTH_MM:
         yield "voxelize: memory is estimated when it runs (long yarns)"
         return
     from weft.fiber_model.fibers import run

@@ -117,12 +117,14 @@ def _npz(path: Path) -> Facts:
 
 
 def _yarns(path: Path) -> Facts:
-    from weft.fiber_model.yarns.yarns import YarnSet
+    from weft.fiber_model.yarns.yarn_file import load_yarns
 
-    return _yarn_facts(YarnSet.load(path))
+    return _yarn_facts(load_yarns(path))
 
 
 def _yarn_facts(yarns: Any) -> Facts:
+    from weft.fiber_model.yarns.catmull_rom import yarn_lengths
+
     types = {name: int((yarns.yarn_type == index).sum()) for index, name in enumerate(yarns.type_names)}
     return {
         "content": "yarns",
@@ -130,7 +132,7 @@ def _yarn_facts(yarns: Any) -> Facts:
         "closed yarns": int(yarns.closed.sum()),
         "points": yarns.point_count,
         "points per yarn": _range(yarns.point_counts.astype(float)),
-        "length [mm]": float(yarns.lengths().sum()),
+        "length [mm]": float(yarn_lengths(yarns).sum()),
         "radius [mm]": _range(yarns.radius),
         "types": types,
         "twist": yarns.twist is not None,

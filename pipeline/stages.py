@@ -30,11 +30,13 @@ FIBERS_SHARE = 0.1
 
 def make_yarns(work: StageWork) -> dict[str, Any]:
     from weft.fiber_model.yarns.build import run
+    from weft.fiber_model.yarns.catmull_rom import yarn_lengths
+    from weft.fiber_model.yarns.yarn_file import save_yarns
 
     yarns = run(work.job.table("yarns"), progress=work.progress)
-    yarns.save(work.outputs["yarns"])
+    save_yarns(yarns, work.outputs["yarns"])
     low, high = yarns.bounds
-    length = float(yarns.lengths().sum())
+    length = float(yarn_lengths(yarns).sum())
     size = " x ".join(f"{extent:.4g}" for extent in high - low)
     return {
         "summary": f"{_count(yarns.yarn_count, 'yarn')}, {length / 1000:.3g} m, {size} mm",
@@ -124,12 +126,12 @@ def make_image(work: StageWork) -> dict[str, Any]:
 def fiber_set(work: StageWork) -> FiberSet:
     """The fibers of the yarns in the input file."""
     from weft.fiber_model.fibers import run
-    from weft.fiber_model.yarns.yarns import YarnSet
+    from weft.fiber_model.yarns.yarn_file import load_yarns
 
     start_warp()
     return run(
         work.job.table("fibers"),
-        YarnSet.load(work.inputs["yarns"]),
+        load_yarns(work.inputs["yarns"]),
         progress=_part(work.progress, 0.0, FIBERS_SHARE),
     )
 

@@ -23,7 +23,7 @@ Progress = Callable[[float, str], None]
 
 
 def run(config: YarnsConfig, *, progress: Progress | None = None) -> YarnSet:
-    """Read or generate the yarns that `config` asks for; `save` the result as .npz."""
+    """Read or generate the yarns that `config` asks for; `save_yarns` writes them as .npz."""
     match config:
         case FileYarnsConfig():
             yarns = _from_file(config)

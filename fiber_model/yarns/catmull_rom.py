@@ -8,18 +8,21 @@ Open ends get the reflected phantom points 2 P0 - P1, so the end tangent points 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .yarns import YarnSet
+from .yarns import YarnSet
 
 PIECES = 8
 """Quadrature pieces per segment; with 4 Gauss points each, lengths are good to 1e-11, near cusps to 1e-7."""
 CHUNK = 1 << 17
 """Samples handled at once, to bound the memory of temporaries."""
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(4)
+
+
+def yarn_lengths(yarns: YarnSet) -> np.ndarray:
+    """Arc length of each centerline [mm], float64, shape [yarn_count]."""
+    return CatmullRom.through(yarns).lengths()
 
 
 @dataclass(frozen=True)

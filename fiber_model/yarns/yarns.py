@@ -109,25 +109,6 @@ class YarnSet:
         """Control points [mm] of one yarn, shape [n, 3] (a view)."""
         return self.points[self.offsets[index] : self.offsets[index + 1]]
 
-    def lengths(self) -> np.ndarray:
-        """Arc length of each Catmull-Rom centerline [mm], float64, shape [yarn_count]."""
-        from .catmull_rom import CatmullRom
-
-        return CatmullRom.through(self).lengths()
-
-    def save(self, path: str | Path) -> None:
-        """Write as .npz with its schema name and version; the file appears whole or not at all."""
-        from .yarn_file import save_yarns
-
-        save_yarns(self, path)
-
-    @classmethod
-    def load(cls, path: str | Path) -> YarnSet:
-        """Read a file written by `save`; anything else is an `InputError` that names the file."""
-        from .yarn_file import load_yarns
-
-        return load_yarns(path)
-
 
 def concatenate(yarn_sets: Sequence[YarnSet]) -> YarnSet:
     """Join several sets into one; types with the same name become one type."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.fiber_model.yarns.yarn_file import save_yarns
 from weft.fiber_model.yarns.yarns import YarnSet
 from weft.files.errors import InputError
 from weft.pipeline.inspect_file import READERS, describe
@@ -43,7 +44,7 @@ def facts(path, **options):
 @pytest.fixture
 def files(tmp_path):
     """One file of each kind that can be made here."""
-    yarns().save(tmp_path / "yarns.npz")
+    save_yarns(yarns(), tmp_path / "yarns.npz")
     write_nvdb(tmp_path / "volume.nvdb", volume())
     pixels = np.arange(12, dtype=np.float32).reshape(3, 4)
     write_exr(tmp_path / "image.exr", {"R": pixels, "G": pixels, "B": pixels}, {"weft.seed": "7"})

@@ -6,6 +6,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from weft.fiber_model.yarns.build import run
 from weft.fiber_model.yarns.config import YarnsConfig
+from weft.fiber_model.yarns.yarn_file import save_yarns
 from weft.fiber_model.yarns.yarns import YarnSet
 
 CONFIG = TypeAdapter(YarnsConfig)
@@ -35,7 +36,7 @@ def test_files_give_yarns_and_saved_yarns_come_back(tmp_path):
     (tmp_path / "yarns.obj").write_text(OBJ)
     table = {"kind": "file", "file": tmp_path / "yarns.obj", "scale_to_mm": 10.0, "radius_mm": 0.5}
     yarns = build(**table)
-    yarns.save(tmp_path / "yarns.npz")
+    save_yarns(yarns, tmp_path / "yarns.npz")
     again = build(kind="file", file=tmp_path / "yarns.npz", radius_mm=0.25)
     assert np.array_equal(again.points, yarns.points)
     assert again.radius.tolist() == [0.25]

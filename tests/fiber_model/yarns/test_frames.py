@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from weft.fiber_model.yarns.catmull_rom import yarn_lengths
 from weft.fiber_model.yarns.frames import YarnFrames, build_frames
 from weft.fiber_model.yarns.yarns import YarnSet
 
@@ -50,7 +51,7 @@ def test_arc_length_of_circle_and_helix():
     frames = build_frames(yarns)
     helix_length = 4 * np.hypot(TURN * 3, 5)
     assert frames.length == pytest.approx([TURN * 10, helix_length], rel=2e-6)
-    assert yarns.lengths() == pytest.approx(frames.length, rel=0, abs=0)
+    assert yarn_lengths(yarns) == pytest.approx(frames.length, rel=0, abs=0)
     middle = frames.curvature[part(frames, 1)][50:-50]
     assert middle == pytest.approx(np.full(len(middle), 3 / (3**2 + (5 / TURN) ** 2)), rel=2e-3)
 

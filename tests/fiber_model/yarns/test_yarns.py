@@ -5,6 +5,7 @@ import contextlib
 import numpy as np
 import pytest
 
+from weft.fiber_model.yarns.yarn_file import load_yarns, save_yarns
 from weft.fiber_model.yarns.yarns import YarnSet, concatenate
 from weft.files.errors import InputError
 
@@ -34,11 +35,11 @@ def assert_equal_sets(a: YarnSet, b: YarnSet) -> None:
 
 
 def test_saved_set_is_read_back_equal(tmp_path):
-    sample_set().save(tmp_path / "yarns.npz")
-    assert_equal_sets(YarnSet.load(tmp_path / "yarns.npz"), sample_set())
+    save_yarns(sample_set(), tmp_path / "yarns.npz")
+    assert_equal_sets(load_yarns(tmp_path / "yarns.npz"), sample_set())
     bare = YarnSet.checked([LINE], radius=1.0)
-    bare.save(tmp_path / "yarns.npz")
-    assert_equal_sets(YarnSet.load(tmp_path / "yarns.npz"), bare)
+    save_yarns(bare, tmp_path / "yarns.npz")
+    assert_equal_sets(load_yarns(tmp_path / "yarns.npz"), bare)
     assert [path.name for path in tmp_path.iterdir()] == ["yarns.npz"]
 
 
@@ -95,7 +96,7 @@ def test_offsets_must_fit_the_points():
 
 def test_damaged_files_are_refused(tmp_path):
     path = tmp_path / "yarns.npz"
-    sample_set().save(path)
+    save_yarns(sample_set(), path)
     whole = path.read_bytes()
     rng = np.random.default_rng(3)
     for _ in range(200):
@@ -105,7 +106,7 @@ def test_damaged_files_are_refused(tmp_path):
                 damaged[rng.integers(len(damaged))] = rng.integers(256)
         path.write_bytes(bytes(damaged))
         with contextlib.suppress(InputError):  # and nothing else
-            YarnSet.load(path)
+            load_yarns(path)
 
 
 def test_other_files_are_refused(tmp_path):
@@ -119,5 +120,5 @@ def test_other_files_are_refused(tmp_path):
         ("absent.npz", "no such file"),
     ]:
         with pytest.raises(InputError) as caught:
-            YarnSet.load(tmp_path / name)
+            load_yarns(tmp_path / name)
         assert str(caught.value) == f"{tmp_path / name}: {message}"
