@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from weft.files.errors import InputError
+
+from .grid import FiberVolume
+
 SCHEMA_VERSION = 1
 """Of the metadata that weft adds to both kinds."""
 
@@ -10,3 +16,13 @@ def grid_names(media: tuple[str, ...], medium: str) -> tuple[str, str]:
     """Names of the density and the direction grid; plain, as other programs expect, for a single medium."""
     suffix = "" if len(media) == 1 else f"_{medium}"
     return f"density{suffix}", f"fiber_dir{suffix}"
+
+
+def refuse_other_content(volume: FiberVolume, content_sha256: str, path: Path) -> None:
+    """Raise `InputError` where the voxels are not those whose hash the file carries."""
+    if volume.content_sha256 != content_sha256:
+        raise InputError(
+            "the file is damaged: its voxels do not agree with the content_sha256 it carries.",
+            path=path,
+            hint="Make it again with 'weft voxelize'.",
+        )

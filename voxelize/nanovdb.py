@@ -21,7 +21,7 @@ from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
 from .grid import BRICK_SIZE, BRICK_VOXELS, FiberGrid, FiberVolume
-from .grid_files import SCHEMA_VERSION, grid_names
+from .grid_files import SCHEMA_VERSION, grid_names, refuse_other_content
 
 BLIND_NAME = b"weft"
 CLASS_UNKNOWN, CLASS_FOG_VOLUME = 0, 2
@@ -147,12 +147,8 @@ def read_volume(path: str | Path, *, verify: bool = True) -> FiberVolume:
         expected = media[0][0]["content_sha256"]
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise InputError(f"the file is damaged: {error}.", path=path) from error
-    if verify and volume.content_sha256 != expected:
-        raise InputError(
-            "the file is damaged: its voxels do not agree with the content_sha256 it carries.",
-            path=path,
-            hint="Make it again with 'weft voxelize'.",
-        )
+    if verify:
+        refuse_other_content(volume, expected, path)
     return volume
 
 

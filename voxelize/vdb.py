@@ -21,7 +21,7 @@ from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
 from .grid import FiberGrid, FiberVolume
-from .grid_files import SCHEMA_VERSION, grid_names
+from .grid_files import SCHEMA_VERSION, grid_names, refuse_other_content
 from .openvdb_library import extension
 from .vdb_child import read_in_child
 
@@ -139,12 +139,8 @@ def _to_volume(grids: list[dict[str, Any]], path: Path, *, verify: bool = True) 
         expected = densities[0]["metadata"]["content_sha256"]
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"the file is damaged: {error}.", path=path) from error
-    if verify and volume.content_sha256 != expected:
-        raise InputError(
-            "the file is damaged: its voxels do not agree with the content_sha256 it carries.",
-            path=path,
-            hint="Make it again with 'weft voxelize'.",
-        )
+    if verify:
+        refuse_other_content(volume, expected, path)
     return volume
 
 
