@@ -54,8 +54,8 @@ class _Clock:
         return time.monotonic() - self.started
 
     def remaining(self, fraction: float) -> float | None:
-        """From the pace so far; None before there is any."""
-        return self.elapsed * (1 - fraction) / fraction if fraction > 0.01 else None
+        """From the pace so far; None at first, when loading and compiling would be taken for the pace."""
+        return self.elapsed * (1 - fraction) / fraction if fraction > 0.05 else None
 
 
 @dataclass

@@ -256,6 +256,26 @@ def _count(number: int, what: str) -> str:
 
 
 FIBER_CODE = ("fiber_model",)
+LOBE_CODE = (
+    "fiber_model/scattering.py",
+    "fiber_model/scattering_azimuthal.py",
+    "fiber_model/scattering_longitudinal.py",
+    "fiber_model/scattering_parameters.py",
+)
+GRID_CODE = tuple(
+    f"voxelize/{name}.py"
+    for name in (
+        "grid",
+        "grid_files",
+        "memory",
+        "nanovdb",
+        "openvdb_library",
+        "report",
+        "tiles",
+        "vdb",
+        "vdb_child",
+    )
+)
 SCATTERING_CODE = ("fiber_model/scattering_config.py", "fiber_model/scattering_parameters.py")
 
 CHAIN: dict[str, Stage] = {
@@ -307,7 +327,7 @@ CHAIN: dict[str, Stage] = {
             },
             outputs=_image_files,
             work=make_image,
-            code=("renderer", "fiber_model/scattering.py", "voxelize/vdb.py", "voxelize/nanovdb.py"),
+            code=("renderer", *LOBE_CODE, *GRID_CODE),
             libraries=("numpy", "moderngl", "OpenEXR", "pillow"),
         ),
     )

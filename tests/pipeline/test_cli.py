@@ -18,6 +18,7 @@ import pytest
 from weft.files.errors import DeviceMemoryError
 from weft.pipeline import cli
 from weft.pipeline.cli import exit_code
+from weft.pipeline.stages import CHAIN
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 EXAMPLES = CHECKOUT / "configs" / "examples"
@@ -247,6 +248,30 @@ def test_reading_a_job_loads_nothing_heavy():
         f"load(Path({str(EXAMPLES / 'twill.toml')!r}))"
     )
     assert not loaded & {"warp", "jax", "moderngl", "vtk", "pyvista", "scipy", "OpenEXR"}
+
+
+@pytest.mark.parametrize(
+    ("stage", "modules"),
+    [
+        ("yarns", "fiber_model.yarns.build, weft.fiber_model.yarns.yarn_file"),
+        ("voxelize", "voxelize.voxelize, weft.fiber_model.fibers, weft.voxelize.vdb, weft.voxelize.nanovdb"),
+        ("scattering", "fiber_model.scattering_config"),
+        ("render", "renderer.render, weft.voxelize.vdb, weft.voxelize.nanovdb"),
+    ],
+)
+def test_the_key_of_a_stage_covers_the_code_that_it_loads(stage, modules):
+    """Or a change of that code would leave old results standing as fresh."""
+    loaded = modules_after(f"import weft.{modules}")
+    rooms = ("weft.fiber_model.", "weft.voxelize.", "weft.renderer.")
+    files = [name.removeprefix("weft.").replace(".", "/") for name in loaded if name.startswith(rooms)]
+    code = [part.removesuffix(".py") for part in CHAIN[stage].code]
+    missing = [
+        file
+        for file in files
+        if (CHECKOUT / f"{file}.py").exists()
+        and not any(file == part or file.startswith(f"{part}/") for part in code)
+    ]
+    assert missing == []
 
 
 @pytest.mark.gl
