@@ -11,8 +11,21 @@ from weft.files.input_file import InputFile
 Positive = Annotated[float, Field(gt=0, le=1e7, allow_inf_nan=False)]
 Size = tuple[Positive, Positive]
 TypeName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
-DraftName = Literal["plain", "twill_2_2", "satin_5", "satin_8"]
-DraftRow = Annotated[list[Literal[0, 1]], Field(min_length=1, max_length=256)]
+DraftName = Literal[
+    "plain",
+    "twill_2_1",
+    "twill_3_1",
+    "twill_2_2",
+    "broken_twill_3_1",
+    "broken_twill_2_2",
+    "herringbone_2_2",
+    "satin_5",
+    "satin_8",
+    "basket_2_2",
+]
+TextRow = Annotated[str, Field(pattern=r"^[xX.]{1,256}$")]
+BitRow = Annotated[list[Literal[0, 1]], Field(min_length=1, max_length=256)]
+DraftRows = Annotated[list[TextRow] | list[BitRow], Field(min_length=1, max_length=256)]
 
 
 class _Config(BaseModel):
@@ -54,8 +67,9 @@ class WeaveConfig(_Config):
     kind: Literal["weave"]
     size_mm: Size
     """Width (along x) and height (along y) of the cloth."""
-    draft: DraftName | Annotated[list[DraftRow], Field(min_length=1, max_length=256)] = "plain"
-    """A named weave, or rows of 0 and 1, top row first as seen on the face; 1 where the warp lies on top."""
+    draft: DraftName | DraftRows = "plain"
+    """A named weave, or rows, top row first as seen on the face: 1 or 'x' where the warp lies on top, 0 or '.'
+    where the weft does, as in [[1, 0], [0, 1]] or ["x.", ".x"]."""
     warp_per_cm: Positive = 12.0
     """Warp yarns per cm of width."""
     weft_per_cm: Positive = 12.0

@@ -9,39 +9,18 @@ bends the yarn least; their radius is at least R wherever the yarns have room to
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from weft.files.errors import InputError
 
+from .drafts import Draft, draft_matrix, refuse_loose_yarns
 from .yarns import YarnSet, refuse_too_many_points
 
 POINTS_PER_CROSSING = 16
 """Control points between two crossings; even, so that yarns can end halfway."""
-
-
-def twill(over: int, under: int) -> np.ndarray:
-    """Draft of a twill whose lines rise to the right."""
-    count = over + under
-    column, row = np.meshgrid(np.arange(count), np.arange(count)[::-1])
-    return (column - row) % count < over
-
-
-def satin(ends: int, step: int) -> np.ndarray:
-    """Draft of a warp-faced satin: a weft passes over one warp in `ends`, `step` further in the next row."""
-    column, row = np.meshgrid(np.arange(ends), np.arange(ends)[::-1])
-    return column != (step * row) % ends
-
-
-NAMED_DRAFTS = {
-    "plain": twill(1, 1),
-    "twill_2_2": twill(2, 2),
-    "satin_5": satin(5, 2),
-    "satin_8": satin(8, 3),
-}
-"""Drafts by name, bool, true where the warp lies on top; top row first, as seen on the face."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +43,7 @@ class YarnSystem:
 def weave_yarns(
     size_mm: tuple[float, float],
     *,
-    draft: str | Sequence[Sequence[int]] | np.ndarray,
+    draft: Draft,
     warp_per_cm: float,
     weft_per_cm: float,
     warp_radius_mm: float,
@@ -78,6 +57,7 @@ def weave_yarns(
     `warp_crimp` is the warp's share of the crimp in [0, 1]; None takes the possible share nearest to a half.
     """
     pattern = draft_matrix(draft)
+    refuse_loose_yarns(pattern)
     warp = YarnSystem(max(round(size_mm[0] * warp_per_cm / 10), 1), 10 / warp_per_cm, warp_radius_mm)
     weft = YarnSystem(max(round(size_mm[1] * weft_per_cm / 10), 1), 10 / weft_per_cm, weft_radius_mm)
     refuse_too_many_points(2 * POINTS_PER_CROSSING * warp.count * weft.count, "yarns.size_mm: this weave")
@@ -96,18 +76,6 @@ def weave_yarns(
         yarn_type=types,
         type_names=type_names,
     )
-
-
-def draft_matrix(draft: str | Sequence[Sequence[int]] | np.ndarray) -> np.ndarray:
-    """The draft as bool, shape [weft rows, warp columns], top row first."""
-    if isinstance(draft, str):
-        return NAMED_DRAFTS[draft]
-    if len({len(row) for row in draft}) != 1 or len(draft[0]) == 0:
-        raise InputError("the rows of a draft must be equally long", place="yarns.draft")
-    matrix = np.asarray(draft)
-    if not np.isin(matrix, (0, 1)).all():
-        raise InputError("a draft holds 0 (weft on top) and 1 (warp on top) only", place="yarns.draft")
-    return matrix.astype(bool)
 
 
 def crimp_heights(

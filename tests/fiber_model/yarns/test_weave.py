@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tests.fiber_model.yarns.distances import clearance
-from weft.fiber_model.yarns.weave import NAMED_DRAFTS, draft_matrix, satin, twill, weave_yarns
+from weft.fiber_model.yarns.drafts import NAMED_DRAFTS
+from weft.fiber_model.yarns.weave import weave_yarns
 from weft.files.errors import InputError
 
 
@@ -18,23 +19,6 @@ def weave(draft, warp=24.0, weft=11.5, *, warp_radius=0.2, weft_radius=0.2, size
         weft_radius_mm=weft_radius,
         **options,
     )
-
-
-def test_named_drafts():
-    assert NAMED_DRAFTS["plain"].astype(int).tolist() == [[0, 1], [1, 0]]
-    # rising to the right: one column further is one row higher
-    assert NAMED_DRAFTS["twill_2_2"].astype(int).tolist() == [
-        [1, 0, 0, 1],
-        [0, 0, 1, 1],
-        [0, 1, 1, 0],
-        [1, 1, 0, 0],
-    ]
-    for ends in (5, 8):
-        draft = NAMED_DRAFTS[f"satin_{ends}"]
-        assert (draft.sum(axis=0) == ends - 1).all()
-        assert (draft.sum(axis=1) == ends - 1).all()
-        binders = np.argwhere(~draft)
-        assert not any((abs(a - b) == [1, 1]).all() for a in binders for b in binders)
 
 
 @pytest.mark.parametrize("draft", list(NAMED_DRAFTS))
@@ -56,10 +40,7 @@ def test_heights_at_crossings_follow_the_draft(draft):
     ("draft", "options"),
     [
         ("plain", {"warp": 14.0, "weft": 14.0}),
-        ("plain", {}),
-        ("twill_2_2", {}),
-        ("satin_5", {}),
-        ("satin_8", {"size": (4.0, 9.0)}),
+        *((name, {"size": (6.7, 9.0)}) for name in NAMED_DRAFTS),
         ([[1, 1, 0], [0, 1, 1], [1, 0, 1]], {}),
         ("plain", {"warp": 10.0, "weft": 13.0, "warp_radius": 0.3, "weft_radius": 0.15}),
         ("plain", {"warp": 5.0, "weft": 5.0}),
@@ -119,11 +100,3 @@ def test_impossible_cloth_is_refused(options, message):
 
 def test_stated_limit_can_be_woven():
     assert clearance(weave("plain", 24, 12.6)) > 0.99
-
-
-def test_drafts_must_be_rectangles_of_bits():
-    for bad in ([[1, 0], [1]], [[1, 2]], [[]]):
-        with pytest.raises(InputError):
-            draft_matrix(bad)
-    assert np.array_equal(draft_matrix([[0, 1], [1, 0]]), twill(1, 1))
-    assert satin(5, 2).sum() == 20
