@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from weft.files.input_file import InputFile
 
@@ -23,9 +23,24 @@ DraftName = Literal[
     "satin_8",
     "basket_2_2",
 ]
-TextRow = Annotated[str, Field(pattern=r"^[xX.]{1,256}$")]
 BitRow = Annotated[list[Literal[0, 1]], Field(min_length=1, max_length=256)]
-DraftRows = Annotated[list[TextRow] | list[BitRow], Field(min_length=1, max_length=256)]
+
+
+def _bits_of_text(rows: Any) -> Any:
+    """Rows of 'x' and '.' as rows of 1 and 0; anything else as it is."""
+    if not (isinstance(rows, list) and rows and all(isinstance(row, str) for row in rows)):
+        return rows
+    for row in rows:
+        if wrong := row.strip("xX."):
+            raise ValueError(f"found '{wrong[0]}' in '{row}'; a draft has 'x' (warp on top) and '.' only")
+    return [[int(mark != ".") for mark in row] for row in rows]
+
+
+DraftRows = Annotated[
+    list[BitRow],
+    Field(min_length=1, max_length=256),
+    BeforeValidator(_bits_of_text, json_schema_input_type=list[str] | list[BitRow]),
+]
 
 
 class _Config(BaseModel):
@@ -68,8 +83,8 @@ class WeaveConfig(_Config):
     size_mm: Size
     """Width (along x) and height (along y) of the cloth."""
     draft: DraftName | DraftRows = "plain"
-    """A named weave, or rows, top row first as seen on the face: 1 or 'x' where the warp lies on top, 0 or '.'
-    where the weft does, as in [[1, 0], [0, 1]] or ["x.", ".x"]."""
+    """A named weave, or rows, top row as seen on the face first: 1 or 'x' where the warp is on top, 0 or '.'
+    where the weft is, as in [[1, 0], [0, 1]] or ["x.", ".x"]."""
     warp_per_cm: Positive = 12.0
     """Warp yarns per cm of width."""
     weft_per_cm: Positive = 12.0
