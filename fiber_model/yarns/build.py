@@ -12,6 +12,7 @@ from weft.files.errors import InputError
 from .bcc import read_bcc
 from .config import FileYarnsConfig, KnitConfig, TileConfig, WeaveConfig, YarnsConfig
 from .knit import knit_yarns
+from .knit_chart import knit_chart_yarns
 from .obj_lines import read_obj_lines
 from .pyp import read_pyp
 from .tile import tile_yarns
@@ -80,6 +81,17 @@ def _weave(config: WeaveConfig, progress: Progress | None) -> YarnSet:
 
 
 def _knit(config: KnitConfig, progress: Progress | None) -> YarnSet:
+    if config.chart != "stockinette":
+        return knit_chart_yarns(
+            config.size_mm,
+            chart=config.chart,
+            stitch_width_mm=config.stitch_width_mm,
+            wale_spacing_mm=config.wale_spacing_mm,
+            course_spacing_mm=config.course_spacing_mm,
+            radius_mm=config.radius_mm,
+            type_name=config.type_name,
+            progress=progress,
+        )
     return knit_yarns(
         config.size_mm,
         stitch_width_mm=config.stitch_width_mm,

@@ -23,6 +23,17 @@ DraftName = Literal[
     "satin_8",
     "basket_2_2",
 ]
+ChartName = Literal[
+    "stockinette",
+    "reverse_stockinette",
+    "garter",
+    "rib_1_1",
+    "rib_2_2",
+    "seed",
+    "cable_4_front",
+    "cable_4_back",
+]
+ChartRow = Annotated[str, Field(min_length=1, max_length=4096)]
 BitRow = Annotated[list[Literal[0, 1]], Field(min_length=1, max_length=256)]
 
 
@@ -100,15 +111,21 @@ class WeaveConfig(_Config):
 
 
 class KnitConfig(_Config):
-    """A rectangle of plain knit (stockinette) in the x, y plane around the origin, its face toward +z."""
+    """A rectangle of knit in the x, y plane around the origin, its face toward +z."""
 
     kind: Literal["knit"]
     size_mm: Size
     """Width (along the courses, x) and height (y), made of whole wales and courses."""
+    chart: ChartName | Annotated[list[ChartRow], Field(min_length=1, max_length=1024)] = "stockinette"
+    """A named knit, or the rows of a stitch chart, top row as seen on the face first, with k, p and cables
+    such as c4f and c4b: ["p2 k4 p2", "p2 c4f p2"]. The chart repeats in both directions."""
     stitch_width_mm: Positive
-    """Width of one stitch (a wale), which sets the gauge across the cloth."""
+    """Width of one stitch (a wale) of stockinette, which sets the gauge across the cloth and the size of its loops."""
+    wale_spacing_mm: Positive | None = None
+    """Distance between wales, which sets the gauge across. Default one stitch width; less in ribs, which draw in."""
     course_spacing_mm: Positive | None = None
-    """Height of one stitch (a course), which sets the gauge along the cloth. Default 0.65 stitch widths."""
+    """Height of one stitch (a course), which sets the gauge along the cloth. Default 0.65 stitch widths;
+    0.5 in garter, 0.58 in seed stitch, 0.68 in ribs."""
     radius_mm: Positive | None = None
     """Yarn radius. Default an eighth of the stitch width, at which neighboring strands just touch."""
     type_name: TypeName = "yarn"
@@ -123,6 +140,11 @@ class KnitConfig(_Config):
         course = self.course_spacing_mm
         if course is not None and not 0.4 <= course / self.stitch_width_mm <= 1.5:
             raise ValueError(f"'course_spacing_mm' = {course:g} must be 0.4 to 1.5 times 'stitch_width_mm'")
+        wale = self.wale_spacing_mm
+        if wale is not None and self.chart == "stockinette":
+            raise ValueError("wales of stockinette are 'stitch_width_mm' apart; remove 'wale_spacing_mm'")
+        if wale is not None and not 0.5 <= wale / self.stitch_width_mm <= 1.5:
+            raise ValueError(f"'wale_spacing_mm' = {wale:g} must be 0.5 to 1.5 times 'stitch_width_mm'")
         return self
 
 

@@ -20,9 +20,9 @@ COURSE_PER_WALE = 0.65
 RADIUS_PER_WALE = 0.125
 """Default yarn radius in wale widths: neighboring strands just touch."""
 POINTS_PER_STITCH = 32
-_SIDE_SWING = 1.487
-_OVERLAP = 0.62
-_DEPTH_PER_RADIUS = 1.6
+SIDE_SWING = 1.487
+OVERLAP = 0.62
+DEPTH_PER_RADIUS = 1.6
 
 
 def knit_yarns(
@@ -59,7 +59,7 @@ def knit_course(wales: int, stitch_width: float, course_spacing: float, radius: 
     unit = stitch_width / (2 * np.pi)
     count = wales * POINTS_PER_STITCH
     t = np.pi + 2 * np.pi * wales * np.arange(count + 1) / count
-    height = course_spacing / unit - _OVERLAP
-    x = t - np.pi * (wales + 1) + _SIDE_SWING * np.sin(2 * t)
+    height = course_spacing / unit - OVERLAP
+    x = t - np.pi * (wales + 1) + SIDE_SWING * np.sin(2 * t)
     y = height * np.cos(t)
-    return np.stack([unit * x, unit * y, -_DEPTH_PER_RADIUS * radius * np.cos(2 * t)], axis=1)
+    return np.stack([unit * x, unit * y, -DEPTH_PER_RADIUS * radius * np.cos(2 * t)], axis=1)

@@ -10,6 +10,7 @@ from weft.fiber_model.yarns.yarn_file import save_yarns
 from weft.fiber_model.yarns.yarns import YarnSet
 
 CONFIG = TypeAdapter(YarnsConfig)
+KNIT = {"kind": "knit", "size_mm": [9, 9], "stitch_width_mm": 3}
 OBJ = "".join(f"v {i} {i % 2} 0\n" for i in range(5)) + "l 1 2 3 4 5\n"
 
 
@@ -23,7 +24,10 @@ def build(**table):
         {"kind": "weave"},
         {"kind": "weave", "draft": "satin_5", "type_names": ["warp", "weft"]},
         {"kind": "weave", "draft": [[1, 1, 0], [0, 1, 1], [1, 0, 1]]},
+        {"kind": "weave", "draft": ["xx.", ".xx", "x.x"]},
         {"kind": "knit", "stitch_width_mm": 3.0, "type_name": "wool"},
+        {"kind": "knit", "stitch_width_mm": 3.0, "chart": "garter", "type_name": "wool"},
+        {"kind": "knit", "stitch_width_mm": 3.0, "chart": ["k p2", "p k2"], "course_spacing_mm": 2.0},
     ],
 )
 def test_generated_cloth_has_its_size(table):
@@ -68,7 +72,11 @@ def test_progress_is_told():
         ({"kind": "knit", "size_mm": [9, 9], "stitch_width_mm": 3, "radius_mm": 1}, "too thick"),
         ({"kind": "knit", "size_mm": [9, 9], "stitch_width_mm": 3, "course_spacing_mm": 9}, "0.4 to 1.5"),
         ({"kind": "knit", "size_mm": [9, float("nan")], "stitch_width_mm": 3}, "finite"),
+        (KNIT | {"wale_spacing_mm": 3.0}, "remove 'wale_spacing_mm'"),
+        (KNIT | {"wale_spacing_mm": 1.0, "chart": "rib_1_1"}, "0.5 to 1.5 times"),
+        (KNIT | {"chart": "rib"}, "rib_1_1"),
         ({"kind": "weave", "size_mm": [9, 9], "warp_per_cm": 0}, "greater than 0"),
+        ({"kind": "weave", "size_mm": [9, 9], "draft": ["x.", "xo"]}, "found 'o' in 'xo'"),
         ({"kind": "weave", "size_mm": [9, 9], "type_names": ["a", "b", "c"]}, "at most 2"),
     ],
 )
