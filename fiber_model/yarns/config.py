@@ -120,9 +120,10 @@ class KnitConfig(_Config):
     """A named knit, or the rows of a stitch chart, top row as seen on the face first, with k, p and cables
     such as c4f and c4b: ["p2 k4 p2", "p2 c4f p2"]. The chart repeats in both directions."""
     stitch_width_mm: Positive
-    """Width of one stitch (a wale) of stockinette, which sets the gauge across the cloth and the size of its loops."""
+    """Width of one stitch (a wale), which sets the gauge across the cloth. Other knits: of a stockinette loop
+    of as much yarn."""
     wale_spacing_mm: Positive | None = None
-    """Distance between wales, which sets the gauge across. Default one stitch width; less in ribs, which draw in."""
+    """Distance between wales, which sets the gauge across. Default one stitch width; ribs draw in to less."""
     course_spacing_mm: Positive | None = None
     """Height of one stitch (a course), which sets the gauge along the cloth. Default 0.65 stitch widths;
     0.5 in garter, 0.58 in seed stitch, 0.68 in ribs."""

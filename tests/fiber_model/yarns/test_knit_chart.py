@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.fiber_model.yarns.distances import clearance, own_clearance
+from weft.fiber_model.yarns.catmull_rom import yarn_lengths
 from weft.fiber_model.yarns.frames import build_frames
 from weft.fiber_model.yarns.knit import POINTS_PER_STITCH
 from weft.fiber_model.yarns.knit_chart import (
@@ -59,7 +60,7 @@ def test_loops_hold_the_yarn_of_one_stitch(chart):
     yarns = cloth(chart)
     gauge = chart_gauge(chart, 4.0, None, None, None)
     stitches = (yarns.point_counts - 1) / POINTS_PER_STITCH
-    assert yarns.lengths() / stitches == pytest.approx(
+    assert yarn_lengths(yarns) / stitches == pytest.approx(
         np.full(yarns.yarn_count, loop_length(gauge)), rel=0.04
     )
 
