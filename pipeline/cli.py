@@ -209,6 +209,67 @@ def inspect(
         print(line)
 
 
+@app.command
+def preview(
+    files: list[Path],
+    /,
+    *,
+    out: Path | None = None,
+    part: Literal["yarns", "fibers", "grid"] | None = None,
+    slice: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    surface: float | None = None,
+    box: str | None = None,
+    view: Literal["front", "top", "side", "iso"] | None = None,
+    size: str | None = None,
+    exposure: float = 0.0,
+    scale_to_mm: float | None = None,
+    radius_mm: float | None = None,
+    options: JobOptions = NO_JOB_OPTIONS,
+) -> None:
+    """Show yarns, fibers, grids and pictures in a window, or as a PNG where there is no display.
+
+    Parameters
+    ----------
+    files
+        One file, or up to six side by side: .npz .bcc .pyp .obj .ply .vdb .nvdb .exr, or a job (.toml).
+    out
+        The PNG to write in place of opening a window.
+    part
+        What to show of a job: its yarns (default), a part of its fibers, or the grid that it made.
+    slice
+        Plane through a grid, in mm, as in --slice z=0.5. May be given several times.
+    surface
+        Show the grid's surface at this volume fraction.
+    box
+        Only what lies in x0,y0,z0,x1,y1,z1, in mm.
+    view
+        Where to look from. Default: the front; onto a single slice.
+    size
+        Pixels, as in 1280x960.
+    exposure
+        Stops by which an .exr picture is brightened.
+    scale_to_mm
+        Length of one unit of a .bcc, .obj, .ply or .pyp file, in mm.
+    radius_mm
+        Yarn radius of a .bcc or .obj file, which hold none.
+    """
+    from .preview.options import PreviewOptions, parse_box, parse_slice
+    from .preview.preview import preview as show
+
+    planes = tuple(parse_slice(text) for text in slice)
+    asked = PreviewOptions(part, planes, surface, parse_box(box), scale_to_mm, radius_mm, exposure)
+    for line in show(
+        files,
+        asked,
+        out=out,
+        size=size,
+        view=view,
+        overrides=options.overrides,
+        output=options.output,
+    ):
+        print(line)
+
+
 class _Terminated(Exception):
     """SIGTERM, so that what is being written is cleaned up on the way out."""
 
