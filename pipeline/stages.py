@@ -22,6 +22,7 @@ from .stage import Progress, Stage, StageInput, StageWork
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
     from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+    from weft.fiber_model.yarns.yarns import YarnSet
     from weft.voxelize.grid import FiberVolume
 
 FIBERS_SHARE = 0.1
@@ -39,13 +40,23 @@ def make_yarns(work: StageWork) -> dict[str, Any]:
     length = float(yarn_lengths(yarns).sum())
     size = " x ".join(f"{extent:.4g}" for extent in high - low)
     return {
-        "summary": f"{_count(yarns.yarn_count, 'yarn')}, {length / 1000:.3g} m, {size} mm",
+        "summary": f"{_count(yarns.yarn_count, 'yarn')}, {length / 1000:.3g} m, {size} mm{_stretch(yarns)}",
         "yarn_count": yarns.yarn_count,
         "point_count": yarns.point_count,
         "length_mm": length,
         "bounds_mm": [low.tolist(), high.tolist()],
         "types": list(yarns.type_names),
+        **({"garment": _plain(yarns.report)} if yarns.report else {}),
     }
+
+
+def _stretch(yarns: YarnSet) -> str:
+    """What a garment's summary says besides."""
+    report = yarns.report
+    if report is None:
+        return ""
+    low, high = report.stretch_middle
+    return f", stretched {low:.3g} to {high:.3g} times" + "".join(f"; {text}" for text in report.warnings)
 
 
 def export_fibers(work: StageWork) -> dict[str, Any]:

@@ -10,7 +10,8 @@ import numpy as np
 from weft.files.errors import InputError
 
 from .bcc import read_bcc
-from .config import FileYarnsConfig, KnitConfig, TileConfig, WeaveConfig, YarnsConfig
+from .config import FileYarnsConfig, GarmentConfig, KnitConfig, TileConfig, WeaveConfig, YarnsConfig
+from .garment import garment_yarns
 from .knit import knit_yarns
 from .knit_chart import knit_chart_yarns
 from .obj_lines import read_obj_lines
@@ -34,6 +35,8 @@ def run(config: YarnsConfig, *, progress: Progress | None = None) -> YarnSet:
             yarns = _knit(config, progress)
         case TileConfig():
             yarns = _tile(config, progress)
+        case GarmentConfig():
+            yarns = garment_yarns(config, run, progress=progress)
         case _:
             raise TypeError(f"not a yarn config: {config!r}")
     if progress is not None:

@@ -8,6 +8,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from weft.files.input_file import InputFile
 
+from .surface_config import SurfaceConfig
+
 Positive = Annotated[float, Field(gt=0, le=1e7, allow_inf_nan=False)]
 Size = tuple[Positive, Positive]
 TypeName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
@@ -165,5 +167,58 @@ class TileConfig(_Config):
     """Name of the yarn type, and so of the medium it becomes."""
 
 
-YarnsConfig = Annotated[FileYarnsConfig | WeaveConfig | KnitConfig | TileConfig, Field(discriminator="kind")]
+class _Pattern(_Config):
+    """Cloth for a garment, whose surface decides the size."""
+
+    @model_validator(mode="after")
+    def _size_comes_from_the_surface(self) -> Self:
+        if "size_mm" in self.model_fields_set:
+            raise ValueError("the surface decides the size of the cloth; remove 'size_mm'")
+        return self
+
+
+class WeavePattern(WeaveConfig, _Pattern):
+    """A weave for a garment: warp along v, weft along u."""
+
+    size_mm: Size = (1.0, 1.0)
+    """Not to be given: the surface decides it."""
+
+
+class KnitPattern(KnitConfig, _Pattern):
+    """Plain knit for a garment: courses along u."""
+
+    size_mm: Size = (1.0, 1.0)
+    """Not to be given: the surface decides it."""
+
+
+class TilePattern(TileConfig, _Pattern):
+    """A periodic yarn tile for a garment: its x along u, its y along v."""
+
+    size_mm: Size = (1.0, 1.0)
+    """Not to be given: the surface decides it."""
+
+
+class GarmentConfig(_Config):
+    """A pattern laid on a surface, by its (u, v)."""
+
+    kind: Literal["garment"]
+    surface: SurfaceConfig
+    """What the cloth lies on."""
+    pattern: Annotated[
+        WeavePattern | KnitPattern | TilePattern | FileYarnsConfig, Field(discriminator="kind")
+    ]
+    """The cloth. Yarns from a file are flat cloth in x, y, laid once in the middle of each chart."""
+    offset_mm: Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)] = 0.0
+    """Distance of the middle of the cloth from the surface, outward."""
+    scale: Literal["chart", "mesh"] = "chart"
+    """What is scaled to the area of its surface where (u, v) has no unit: each chart, or all alike."""
+    grain: Literal["auto", "uv", "up"] = "auto"
+    """uv: the cloth's y runs along v. up: every chart is turned upright. auto: up where unwrapped here."""
+    join_seams: bool = True
+    """Yarns that meet in line at a seam go on as one; otherwise all end there."""
+
+
+YarnsConfig = Annotated[
+    FileYarnsConfig | WeaveConfig | KnitConfig | TileConfig | GarmentConfig, Field(discriminator="kind")
+]
 """The [yarns] table of a job; `kind` chooses the source."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from weft.files.errors import InputError
+
+if TYPE_CHECKING:
+    from .garment_report import GarmentReport
 
 MIN_POINTS = 4
 """Fewest control points of a centerline."""
@@ -48,6 +51,8 @@ class YarnSet:
     """Material twist against the rotation-minimizing frame [rad], float64, shape [point_count]."""
     surface_uv: np.ndarray | None = None
     """Surface coordinates of each point [1], float64, shape [point_count, 2]."""
+    report: GarmentReport | None = field(default=None, compare=False)
+    """What was found out when the yarns were laid on a mesh; not stored in files."""
 
     def __post_init__(self) -> None:
         _normalize_dtypes(self)
