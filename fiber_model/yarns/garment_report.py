@@ -62,11 +62,10 @@ def report_garment(
     flat_area = float((area / stretch.prod(axis=1)).sum())
     middle = mesh.vertices[mesh.faces[faces]].mean(axis=1)
     least, most = int(np.argmin(stretch[:, 0])), int(np.argmax(stretch[:, 1]))
-    length = float(yarns.lengths().sum())
     most_of_it = (_quantile(stretch[:, 0], area, 0.01), _quantile(stretch[:, 1], area, 0.99))
     return GarmentReport(
-        yarn_length_mm=length,
-        yarn_stretch=length / laid.flat_length_mm,
+        yarn_length_mm=float(yarns.lengths().sum()),
+        yarn_stretch=laid.chord_length_mm[1] / laid.chord_length_mm[0],
         surface_area_mm2=mesh.area,
         covered_area_mm2=float(area.sum()),
         stretch_min=float(stretch[least, 0]),

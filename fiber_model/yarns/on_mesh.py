@@ -110,8 +110,8 @@ class Laid:
     yarn_type: np.ndarray
     """Index into `type_names`, int32, shape [piece_count]."""
     type_names: tuple[str, ...]
-    flat_length_mm: float
-    """Length of all pieces on the flat cloth, along their chords."""
+    chord_length_mm: tuple[float, float]
+    """Length of all pieces along their chords: on the flat cloth, and on the surface."""
 
     @classmethod
     def joined(cls, parts: Sequence[Laid]) -> Laid:
@@ -126,7 +126,10 @@ class Laid:
             **arrays,
             offsets=np.concatenate([*offsets, starts[-1:]]),
             type_names=parts[0].type_names,
-            flat_length_mm=sum(part.flat_length_mm for part in parts),
+            chord_length_mm=(
+                sum(part.chord_length_mm[0] for part in parts),
+                sum(part.chord_length_mm[1] for part in parts),
+            ),
         )
 
 
@@ -164,8 +167,6 @@ def _laid(
         place, normal = surface_points(mesh, normals, chart.faces[triangle], weights)
         points[part] = place + (pieces.points[part, 2:] + offset_mm) * normal
         uv[part] = (chart.uv[triangle] * weights[..., None]).sum(axis=1)
-    chords = norm(np.diff(pieces.points, axis=0))
-    chords[pieces.offsets[1:-1] - 1] = 0.0
     return Laid(
         points=points,
         uv=uv,
@@ -175,8 +176,18 @@ def _laid(
         radius=flat.radius[pieces.yarn],
         yarn_type=flat.yarn_type[pieces.yarn],
         type_names=flat.type_names,
-        flat_length_mm=float(chords.sum()),
+        chord_length_mm=(
+            _chord_length(pieces.points, pieces.offsets),
+            _chord_length(points, pieces.offsets),
+        ),
     )
+
+
+def _chord_length(points: np.ndarray, offsets: np.ndarray) -> float:
+    """Sum of the distances between neighboring points within each piece."""
+    chords = norm(np.diff(points, axis=0))
+    chords[offsets[1:-1] - 1] = 0.0
+    return float(chords.sum())
 
 
 def _moved(yarns: YarnSet, by: np.ndarray) -> YarnSet:

@@ -38,10 +38,8 @@ class SleeveConfig(_Config):
     def _folds_leave_room(self) -> Self:
         girth = min(self.cuff_girth_mm, self.top_girth_mm)
         if self.fold_depth_mm > 0.15 * girth:
-            most = f"{0.15 * girth:.3g}"
-            raise ValueError(
-                f"'fold_depth_mm' = {self.fold_depth_mm:g} is too deep for this girth; at most {most}"
-            )
+            found = f"'fold_depth_mm' = {self.fold_depth_mm:g}"
+            raise ValueError(f"{found} is too deep for this girth; at most {0.15 * girth:.3g}")
         steepest = 0.5 * self.fold_depth_mm * 2 * 3.1416 * self.fold_count / (0.6 * self.length_mm)
         if steepest > 0.9:
             most = 0.9 * self.fold_depth_mm / steepest

@@ -1,4 +1,4 @@
-"""Surface coordinates for a mesh that has none: cut into charts and flattened by xatlas, an optional extra."""
+"""Surface coordinates for a mesh without any: cut into charts and flattened by xatlas, an optional extra."""
 
 from __future__ import annotations
 
