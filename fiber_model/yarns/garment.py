@@ -14,6 +14,7 @@ from .garment_shapes import scarf_mesh, sleeve_mesh
 from .knit import COURSE_PER_WALE
 from .mesh_files import read_mesh
 from .on_mesh import FlatPattern, lay_on_mesh
+from .panels import cut_panels
 from .pyp import read_pyp
 from .surface_config import MeshConfig, ScarfConfig, SleeveConfig
 from .surface_mesh import SurfaceMesh
@@ -70,9 +71,9 @@ def _mesh_from_file(config: MeshConfig) -> tuple[SurfaceMesh, bool]:
             path=config.file,
             hint="Set yarns.surface.uv = 'unwrap' to cut them automatically.",
         )
-    if config.uv == "unwrap" or mesh.uv is None:
+    if config.uv in ("unwrap", "panels") or mesh.uv is None:
         try:
-            return unwrap(mesh), True
+            return (cut_panels if config.uv == "panels" else unwrap)(mesh), True
         except InputError as error:
             raise InputError(error.what, path=config.file, hint=error.hint) from None
     return mesh, False

@@ -81,8 +81,11 @@ class MeshConfig(_Config):
     """Length of one unit of the file in mm. Needed for .obj and .ply; glTF and USD know theirs."""
     up_axis: Literal["y", "z"] | None = None
     """Axis of an .obj or .ply file that points up, y by default; glTF and USD know theirs."""
-    uv: Literal["auto", "file", "unwrap"] = "auto"
-    """Surface coordinates: the file's own, or charts cut and flattened here; auto takes the file's if any."""
+    uv: Literal["auto", "file", "unwrap", "panels"] = "auto"
+    """Surface coordinates: the file's own, charts cut by xatlas, or panels that face front (+z) and back.
+
+    auto takes the file's, or unwraps where there are none.
+    """
     uv_unit_mm: Length | None = None
     """Length of one unit of the file's (u, v) on the cloth; by default found from the area of the surface."""
 
@@ -96,7 +99,7 @@ class MeshConfig(_Config):
             raise ValueError(f"{suffix} files do not hold their unit, so 'scale_to_mm' must be given")
         if suffix not in (".obj", ".ply") and self.up_axis is not None:
             raise ValueError(f"{suffix} files know which axis is up; remove 'up_axis'")
-        if self.uv == "unwrap" and self.uv_unit_mm is not None:
+        if self.uv in ("unwrap", "panels") and self.uv_unit_mm is not None:
             raise ValueError(
                 "'uv_unit_mm' is the unit of the file's own (u, v); remove it where uv = 'unwrap'"
             )
