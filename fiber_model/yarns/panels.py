@@ -16,6 +16,7 @@ from .surface_mesh import SurfaceMesh
 
 SMOOTHING_STEPS = 40
 """Averagings of each face's orientation with its neighbors, so that wrinkles do not become panels."""
+EAR_ROUNDS = 8
 ROUNDS = 100
 """Local and global steps; the energy of a shirt's front has then long stopped falling."""
 LEAST_WEIGHT = 0.02
@@ -47,12 +48,25 @@ def panel_of_faces(mesh: SurfaceMesh) -> np.ndarray:
     facing = mesh.vertex_normals()[mesh.faces].mean(axis=1)[:, 2]
     for _ in range(SMOOTHING_STEPS):
         facing = 0.5 * facing + 0.5 * facing[neighbor].mean(axis=1)
-    front = facing >= 0
+    front = without_ears(facing >= 0, neighbor)
     face = np.repeat(np.arange(mesh.face_count), 3)
     same = front[face] == front[neighbor.reshape(-1)]
     links = (face[same], neighbor.reshape(-1)[same])
     graph = coo_array((np.ones(len(links[0]), np.int8), links), shape=(mesh.face_count,) * 2)
     return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def without_ears(front: np.ndarray, neighbor: np.ndarray) -> np.ndarray:
+    """Side of each face after faces with two neighbors on the other side went over to it, front first.
+
+    `neighbor` has shape [face_count, 3]. Such ears flatten badly and make a ragged seam.
+    """
+    front = front.copy()
+    for _ in range(EAR_ROUNDS):
+        for side in (True, False):
+            ears = (front == side) & ((front[neighbor] != side).sum(axis=1) >= 2)
+            front[ears] = not side
+    return front
 
 
 def flatten(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
