@@ -216,6 +216,8 @@ class GarmentConfig(_Config):
     """uv: the cloth's y runs along v. up: every chart is turned upright. auto: up where unwrapped here."""
     join_seams: bool = True
     """Yarns that meet in line at a seam go on as one; otherwise all end there."""
+    hem_mm: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] = 0.0
+    """Depth of overcast stitches around the free borders; 0 leaves the cloth as it was cut."""
 
 
 YarnsConfig = Annotated[

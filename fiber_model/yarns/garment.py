@@ -40,6 +40,7 @@ def garment_yarns(
             flat_pattern(config.pattern, make_flat),
             offset_mm=config.offset_mm,
             join_seams=config.join_seams,
+            hem_mm=config.hem_mm,
             progress=progress,
         )
     except InputError as error:

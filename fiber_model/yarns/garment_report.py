@@ -26,7 +26,7 @@ class GarmentReport:
 
     yarn_length_mm: float
     yarn_stretch: float
-    """Length of all yarns over what they measure on the flat cloth."""
+    """Length of the cloth's yarns over what they measure when it is flat."""
     surface_area_mm2: float
     covered_area_mm2: float
     """Area of the triangles that lie on a chart, face up and with extent."""
@@ -44,7 +44,7 @@ class GarmentReport:
     """Least and largest stretch of all but the worst 1 % of the area on either side."""
     chart_count: int
     loop_count: int
-    """Yarns that close, such as courses around a tube."""
+    """Yarns that close: courses around a tube, and hems."""
     joint_count: int
     """Places where a yarn goes on across a seam."""
     open_end_count: int

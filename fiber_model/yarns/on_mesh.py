@@ -18,9 +18,10 @@ from .chart_clip import Pieces, clip_to_chart
 from .chart_lookup import ChartLookup
 from .charts import Chart
 from .garment_report import report_garment
+from .hems import hem_yarns
 from .seams import join_pieces
 from .surface_mesh import SurfaceMesh
-from .yarns import YarnSet, refuse_too_many_points
+from .yarns import YarnSet, concatenate, refuse_too_many_points
 
 ROUNDING = 0.5
 """Part of the way to the tangent planes of a triangle's corners (Phong tessellation): one half reproduces a
@@ -59,9 +60,13 @@ def lay_on_mesh(
     *,
     offset_mm: float = 0.0,
     join_seams: bool = True,
+    hem_mm: float = 0.0,
     progress: Callable[[float, str], None] | None = None,
 ) -> YarnSet:
-    """Cover every chart with `pattern`, `offset_mm` outside of the surface; the result carries a report."""
+    """Cover every chart with `pattern`, `offset_mm` outside of the surface; the result carries a report.
+
+    With `hem_mm` stitches of that depth run around each free border, in the first yarn of the pattern.
+    """
     normals = mesh.vertex_normals()
     fitted, parts = [], []
     for number, chart in enumerate(charts):
@@ -88,6 +93,8 @@ def lay_on_mesh(
         type_names=names,
         surface_uv=joined.uv,
     )
+    hem = _hem(mesh, laid, hem_mm, offset_mm) if hem_mm > 0 else None
+    yarns = yarns if hem is None else concatenate([yarns, hem])
     return replace(yarns, report=report_garment(mesh, fitted, yarns, laid, joined))
 
 
@@ -112,6 +119,8 @@ class Laid:
     type_names: tuple[str, ...]
     chord_length_mm: tuple[float, float]
     """Length of all pieces along their chords: on the flat cloth, and on the surface."""
+    half_thickness_mm: float
+    """Largest distance of a centerline from the middle of the cloth."""
 
     @classmethod
     def joined(cls, parts: Sequence[Laid]) -> Laid:
@@ -130,6 +139,7 @@ class Laid:
                 sum(part.chord_length_mm[0] for part in parts),
                 sum(part.chord_length_mm[1] for part in parts),
             ),
+            half_thickness_mm=max(part.half_thickness_mm for part in parts),
         )
 
 
@@ -180,6 +190,7 @@ def _laid(
             _chord_length(pieces.points, pieces.offsets),
             _chord_length(points, pieces.offsets),
         ),
+        half_thickness_mm=float(np.abs(pieces.points[:, 2]).max()),
     )
 
 
@@ -188,6 +199,17 @@ def _chord_length(points: np.ndarray, offsets: np.ndarray) -> float:
     chords = norm(np.diff(points, axis=0))
     chords[offsets[1:-1] - 1] = 0.0
     return float(chords.sum())
+
+
+def _hem(mesh: SurfaceMesh, laid: Laid, depth_mm: float, offset_mm: float) -> YarnSet | None:
+    return hem_yarns(
+        mesh,
+        depth_mm=depth_mm,
+        half_thickness_mm=laid.half_thickness_mm,
+        radius_mm=float(laid.radius[0]),
+        offset_mm=offset_mm,
+        type_name=laid.type_names[laid.yarn_type[0]],
+    )
 
 
 def _moved(yarns: YarnSet, by: np.ndarray) -> YarnSet:

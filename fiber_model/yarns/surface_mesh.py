@@ -73,14 +73,14 @@ class SurfaceMesh:
     def vertex_normals(self) -> np.ndarray:
         """Unit normals, each face weighted by its angle at the vertex, shape [vertex_count, 3]."""
         corner = self.vertices[self.faces]
-        normal = _unit(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
+        normal = unit_rows(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
         total = np.zeros_like(self.vertices)
         for k in range(3):
-            a = _unit(corner[:, (k + 1) % 3] - corner[:, k])
-            b = _unit(corner[:, (k + 2) % 3] - corner[:, k])
+            a = unit_rows(corner[:, (k + 1) % 3] - corner[:, k])
+            b = unit_rows(corner[:, (k + 2) % 3] - corner[:, k])
             angle = np.arccos(np.clip((a * b).sum(axis=1), -1.0, 1.0))
             np.add.at(total, self.faces[:, k], angle[:, None] * normal)
-        return _unit(total)
+        return unit_rows(total)
 
     def twins(self) -> np.ndarray:
         """The half-edge across each half-edge, int64, shape [3 face_count]; -1 where there is none.
@@ -114,7 +114,7 @@ def double_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
+def unit_rows(vectors: np.ndarray) -> np.ndarray:
     """Rows of length 1; rows of length 0 stay."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(length > 0, length, 1.0)
