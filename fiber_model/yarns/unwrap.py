@@ -42,6 +42,6 @@ def _xatlas() -> Any:
     except ImportError:
         raise InputError(
             "this mesh has no surface coordinates (UVs), and cutting them automatically needs xatlas.",
-            hint="Install it with: pip install 'weft[garments]'",
+            hint="Install it with: pip install xatlas",
         ) from None
     return xatlas

@@ -42,7 +42,7 @@ def _usd(path: Path) -> tuple[Any, Any, Any]:
         from pxr import Tf, Usd, UsdGeom
     except ImportError:
         raise InputError(
-            "USD files need usd-core.", path=path, hint="Install it with: pip install 'weft[usd]'"
+            "USD files need usd-core.", path=path, hint="Install it with: pip install usd-core"
         ) from None
     return Tf, Usd, UsdGeom
 

@@ -59,7 +59,7 @@ def test_yarns_of_a_file_are_laid_once(tmp_path):
 
 
 def test_a_mesh_without_uv_is_unwrapped(bowl):
-    pytest.importorskip("xatlas", reason="xatlas is an extra: pip install 'weft[garments]'")
+    pytest.importorskip("xatlas", reason="xatlas is an extra: pip install xatlas")
     yarns = build(surface=bowl, pattern=KNIT)
     report = yarns.report
     assert report.covered_area_mm2 == pytest.approx(report.surface_area_mm2)
@@ -71,7 +71,7 @@ def test_a_mesh_without_uv_is_unwrapped(bowl):
 
 def test_without_xatlas_the_message_says_what_to_install(bowl, monkeypatch):
     monkeypatch.setitem(sys.modules, "xatlas", None)
-    with pytest.raises(InputError, match=r"bowl\.ply: .*no surface coordinates.*weft\[garments\]"):
+    with pytest.raises(InputError, match=r"bowl\.ply: .*no surface coordinates.*pip install xatlas"):
         build(surface=bowl, pattern=KNIT)
 
 
