@@ -66,10 +66,9 @@ def test_a_tube_is_cut_into_front_and_back():
 
 
 def test_ears_go_over_to_the_other_side():
-    neighbor = np.array([[1, 0, 0], [0, 2, 1], [1, 3, 2], [2, 4, 3], [3, 4, 4]])
-    assert without_ears(np.array([1, 1, 1, 1, 1], bool), neighbor).all()
-    both_sides = np.array([[1, 1, 1], [0, 2, 2], [1, 1, 1]])
-    assert without_ears(np.array([False, True, False]), both_sides).tolist() == [False] * 3
+    neighbor = np.array([[1, 1, 1], [0, 2, 3], [1, 1, 1], [1, 4, 4], [3, 3, 3]])
+    front = np.array([False, True, False, True, True])
+    assert without_ears(front, neighbor).tolist() == [False, False, False, True, True]
 
 
 def test_a_border_is_found_in_order():
