@@ -299,7 +299,7 @@ CHAIN: dict[str, Stage] = {
             outputs=lambda job: {"yarns": "yarns.npz"},
             work=make_yarns,
             code=("fiber_model/yarns",),
-            libraries=("numpy", "scipy"),
+            libraries=("numpy", "scipy", "trimesh", "xatlas", "usd-core"),
         ),
         Stage(
             name="fibers",
