@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .catmull_rom import yarn_lengths
 from .charts import Chart, jacobians
 from .surface_mesh import SurfaceMesh, double_areas
 from .yarns import YarnSet
@@ -64,7 +65,7 @@ def report_garment(
     least, most = int(np.argmin(stretch[:, 0])), int(np.argmax(stretch[:, 1]))
     most_of_it = (_quantile(stretch[:, 0], area, 0.01), _quantile(stretch[:, 1], area, 0.99))
     return GarmentReport(
-        yarn_length_mm=float(yarns.lengths().sum()),
+        yarn_length_mm=float(yarn_lengths(yarns).sum()),
         yarn_stretch=laid.chord_length_mm[1] / laid.chord_length_mm[0],
         surface_area_mm2=mesh.area,
         covered_area_mm2=float(area.sum()),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.fiber_model.yarns.meshes import cylinder, mapped, plane
+from weft.fiber_model.yarns.catmull_rom import yarn_lengths
 from weft.fiber_model.yarns.charts import build_charts
 from weft.fiber_model.yarns.garment_shapes import scarf_mesh, sleeve_mesh
 from weft.fiber_model.yarns.knit import knit_yarns
@@ -122,7 +123,7 @@ def test_warps_continue_across_a_seam_between_charts():
     assert len(charts) == 2
     yarns = lay(mesh, threads(0), charts)
     assert yarns.yarn_count == 15
-    assert yarns.lengths() == pytest.approx(np.full(15, 40.0), abs=1e-6)
+    assert yarn_lengths(yarns) == pytest.approx(np.full(15, 40.0), abs=1e-6)
 
 
 def test_yarns_continue_into_a_chart_that_runs_the_other_way():
@@ -135,7 +136,7 @@ def test_yarns_continue_into_a_chart_that_runs_the_other_way():
     mesh = plane(uv=uv)
     yarns = lay(mesh, threads(0))
     assert yarns.yarn_count == 15
-    assert yarns.lengths() == pytest.approx(np.full(15, 40.0), abs=1e-6)
+    assert yarn_lengths(yarns) == pytest.approx(np.full(15, 40.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("direction", [0, 1])
@@ -250,7 +251,7 @@ def test_a_scarf_bends_and_does_not_stretch():
 def test_a_sleeve_keeps_its_length_and_reports_its_girth():
     mesh = sleeve_mesh(length_mm=60, cuff_girth_mm=80, top_girth_mm=100)
     yarns = lay(mesh, threads(1))
-    assert yarns.lengths() == pytest.approx(np.full(yarns.yarn_count, 60.0), rel=2e-3)
+    assert yarn_lengths(yarns) == pytest.approx(np.full(yarns.yarn_count, 60.0), rel=2e-3)
     folded = sleeve_mesh(length_mm=60, cuff_girth_mm=80, top_girth_mm=100, fold_depth_mm=5, step_mm=1)
     assert lay(folded, threads(1)).report.yarn_stretch == pytest.approx(1.0, abs=0.01)
     assert yarns.report.stretch_min == pytest.approx(80 / 90, rel=0.01)
