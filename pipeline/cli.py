@@ -197,7 +197,8 @@ def inspect(
     Parameters
     ----------
     file
-        A .npz, .bcc, .pyp, .obj, .vdb, .nvdb, .exr, .png, .toml or .run.json file.
+        A .npz, .bcc, .bccx, .hair, .mitshair, .obj, .poly, .pyp, .usd, .yarns, .vdb, .nvdb, .exr, .png,
+        .toml or .run.json file.
     verify
         Also compare the content with the hash in the file and in the run record beside it.
     json

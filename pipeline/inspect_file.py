@@ -161,9 +161,62 @@ def _bcc(path: Path) -> Facts:
     """In the file's own unit, which it does not name; it holds no radius either."""
     from weft.fiber_model.yarns.bcc import read_bcc
 
-    facts = _yarn_facts(read_bcc(path, scale_to_mm=1.0, radius_mm=1.0))
-    del facts["radius [mm]"]
+    return _in_file_units(read_bcc(path, scale_to_mm=1.0, radius_mm=1.0), has_radius=False)
+
+
+def _in_file_units(yarns: Any, *, has_radius: bool = True) -> Facts:
+    facts = _yarn_facts(yarns)
+    if not has_radius:
+        del facts["radius [mm]"]
     return {name.replace("[mm]", "[file units]"): value for name, value in facts.items()}
+
+
+def _bccx(path: Path) -> Facts:
+    from weft.fiber_model.yarns.bcc import read_bccx
+
+    return _in_file_units(read_bccx(path, scale_to_mm=1.0))
+
+
+def _poly(path: Path) -> Facts:
+    from weft.fiber_model.yarns.poly import read_poly
+
+    return _in_file_units(read_poly(path, scale_to_mm=1.0, radius_mm=1.0), has_radius=False)
+
+
+def _smobj_yarns(path: Path) -> Facts:
+    from weft.fiber_model.yarns.smobj_yarns import read_smobj_yarns
+
+    return _in_file_units(read_smobj_yarns(path, scale_to_mm=1.0))
+
+
+def _hair(path: Path) -> Facts:
+    """Without the radius where the file has none, or not one for each strand."""
+    from weft.fiber_model.yarns.read_file import hair_reader
+
+    read = hair_reader(path)
+    try:
+        return _in_file_units(read(path, scale_to_mm=1.0))
+    except InputError:  # a damaged file is refused once more
+        return _in_file_units(read(path, scale_to_mm=1.0, radius_mm=1.0), has_radius=False)
+
+
+def _usd(path: Path) -> Facts:
+    """The curves at the first frame; without the radius where the file has not one for each curve."""
+    from weft.fiber_model.yarns.usd_curves import summarize_usd
+
+    has_radius = True
+    try:
+        summary = summarize_usd(path)
+    except InputError:  # a damaged file is refused once more
+        summary, has_radius = summarize_usd(path, radius_mm=1.0), False
+    facts = _in_file_units(summary.yarns, has_radius=has_radius)
+    if summary.unit_mm is not None:
+        facts = {name.replace("[file units]", "[mm]"): value for name, value in facts.items()}
+    return facts | {
+        "unit [mm]": summary.unit_mm or "not named",
+        "up axis": summary.up_axis or "not named",
+        "frames": summary.frames or "none",
+    }
 
 
 def _pyp(path: Path) -> Facts:
@@ -316,6 +369,14 @@ def _scattering(path: Path) -> Facts:
 READERS: dict[str, Callable[[Path], Facts]] = {
     ".npz": _npz,
     ".bcc": _bcc,
+    ".bccx": _bccx,
+    ".hair": _hair,
+    ".mitshair": _hair,
+    ".poly": _poly,
+    ".yarns": _smobj_yarns,
+    ".usd": _usd,
+    ".usda": _usd,
+    ".usdc": _usd,
     ".pyp": _pyp,
     ".obj": _obj,
     ".vdb": _volume,

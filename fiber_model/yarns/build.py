@@ -5,20 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
-from weft.files.errors import InputError
-
-from .bcc import read_bcc
 from .config import FileYarnsConfig, GarmentConfig, KnitConfig, TileConfig, WeaveConfig, YarnsConfig
 from .garment import garment_yarns
 from .knit import knit_yarns
 from .knit_chart import knit_chart_yarns
-from .obj_lines import read_obj_lines
 from .pyp import read_pyp
+from .read_file import read_yarns
 from .tile import tile_yarns
 from .weave import weave_yarns
-from .yarn_file import load_yarns
 from .yarns import YarnSet
 
 Progress = Callable[[float, str], None]
@@ -28,7 +22,7 @@ def run(config: YarnsConfig, *, progress: Progress | None = None) -> YarnSet:
     """Read or generate the yarns that `config` asks for; `save_yarns` writes them as .npz."""
     match config:
         case FileYarnsConfig():
-            yarns = _from_file(config)
+            yarns = read_yarns(config)
         case WeaveConfig():
             yarns = _weave(config, progress)
         case KnitConfig():
@@ -42,31 +36,6 @@ def run(config: YarnsConfig, *, progress: Progress | None = None) -> YarnSet:
     if progress is not None:
         progress(1.0, f"{yarns.yarn_count:,} yarns of {yarns.point_count:,} points")
     return yarns
-
-
-def _from_file(config: FileYarnsConfig) -> YarnSet:
-    suffix = config.file.suffix.lower()
-    if suffix == ".npz":
-        yarns = load_yarns(config.file)
-        if config.radius_mm is None:
-            return yarns
-        return replace(yarns, radius=np.full(yarns.yarn_count, config.radius_mm))
-    if config.scale_to_mm is None or config.radius_mm is None:
-        raise InputError("needs scale_to_mm and radius_mm", path=config.file)
-    if suffix == ".bcc":
-        return read_bcc(
-            config.file,
-            scale_to_mm=config.scale_to_mm,
-            radius_mm=config.radius_mm,
-            type_name=config.type_name,
-        )
-    return read_obj_lines(
-        config.file,
-        scale_to_mm=config.scale_to_mm,
-        radius_mm=config.radius_mm,
-        up_axis={"y": 1, "z": 2}[config.up_axis],
-        type_name=config.type_name,
-    )
 
 
 def _weave(config: WeaveConfig, progress: Progress | None) -> YarnSet:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from weft.files.input_file import InputFile
+from weft.files.input_file import InputFile, TextFromFile
 
 from .surface_config import SurfaceConfig
 
@@ -54,6 +56,25 @@ DraftRows = Annotated[
     Field(min_length=1, max_length=256),
     BeforeValidator(_bits_of_text, json_schema_input_type=list[str] | list[BitRow]),
 ]
+Frame = Annotated[int, Field(ge=-1_000_000, le=10_000_000)]
+FRAME_PATTERN = re.compile(r"%(0?)(\d?)d")
+"""Where the number of a frame stands in the name of a file of a sequence, as in `frame_%04d.bcc`."""
+
+NOT_IN_FILE: dict[str, tuple[str, ...]] = {
+    ".bcc": ("scale_to_mm", "radius_mm"),
+    ".bccx": ("scale_to_mm",),
+    ".hair": ("scale_to_mm",),
+    ".mitshair": ("scale_to_mm",),
+    ".npz": (),
+    ".obj": ("scale_to_mm", "radius_mm"),
+    ".poly": ("scale_to_mm", "radius_mm"),
+    ".usd": (),
+    ".usda": (),
+    ".usdc": (),
+    ".yarns": ("scale_to_mm",),
+}
+"""What files of each kind never hold, so that the config must give it. A file may lack more."""
+USD_SUFFIXES = (".usd", ".usda", ".usdc")
 
 
 class _Config(BaseModel):
@@ -61,29 +82,50 @@ class _Config(BaseModel):
 
 
 class FileYarnsConfig(_Config):
-    """Yarns from a .bcc or .obj file, or from an .npz file written by `weft yarns`."""
+    """Yarns from a .bcc, .bccx, .hair, .mitshair, .obj, .poly, .usd or .yarns file, or our own .npz."""
 
     kind: Literal["file"]
     file: InputFile
-    """Path to the file; its suffix tells the format."""
+    """Path to the file; its suffix tells the format. Of a sequence: `frame_%04d.bcc`, with `frame`."""
+    frame: Frame | None = None
+    """The frame to read: number of the file where its name holds `%04d`, else time code of a .usd file."""
     scale_to_mm: Positive | None = None
-    """Length of one unit of the file in mm. Needed for .bcc and .obj, which name no unit; .npz is in mm."""
+    """Length of one unit of the file in mm. Only .npz (in mm) and most .usd files name their unit."""
     radius_mm: Positive | None = None
-    """Yarn radius. Needed for .bcc and .obj, which hold none; replaces the radius of an .npz file."""
+    """Yarn radius. Needed for .bcc, .obj and .poly, which hold none; replaces the radius of other files."""
     up_axis: Literal["y", "z"] = "y"
-    """Axis of an .obj file that points up; .bcc files name theirs."""
+    """Axis that points up in a file that does not name it; .bcc, .bccx and most .usd files do."""
     type_name: TypeName = "yarn"
-    """Name of the yarn type, and so of the medium it becomes; an .npz file keeps its own names."""
+    """Name of the yarn type, and so of the medium it becomes; .npz and weft's .usd files keep their own."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _choose_file_of_sequence(cls, table: Any) -> Any:
+        if not isinstance(table, dict) or not isinstance(table.get("file"), (str, Path)):
+            return table
+        text, frame = str(table["file"]), table.get("frame")
+        if not FRAME_PATTERN.search(Path(text).name):
+            return table
+        if frame is None:
+            raise ValueError(f"'{Path(text).name}' is the name of a sequence, so 'frame' must be given")
+        if not isinstance(frame, int) or isinstance(frame, bool):
+            return table
+        name = FRAME_PATTERN.sub(lambda found: format(frame, f"{found[1]}{found[2]}d"), Path(text).name)
+        chosen = str(Path(text).with_name(name))
+        folder = getattr(table["file"], "folder", None)
+        return table | {"file": chosen if folder is None else TextFromFile(chosen, folder), "frame": None}
 
     @model_validator(mode="after")
     def _needs_unit_and_radius(self) -> Self:
         suffix = self.file.suffix.lower()
-        if suffix not in (".bcc", ".obj", ".npz"):
+        if suffix not in NOT_IN_FILE:
             hint = "; for a .pyp tile use kind = 'tile'" if suffix == ".pyp" else ""
-            raise ValueError(f"cannot read yarns from '{suffix}' files, only .bcc, .obj and .npz{hint}")
-        for key in ("scale_to_mm", "radius_mm"):
-            if suffix != ".npz" and getattr(self, key) is None:
+            raise ValueError(f"cannot read yarns from '{suffix}' files, only {', '.join(NOT_IN_FILE)}{hint}")
+        for key in NOT_IN_FILE[suffix]:
+            if getattr(self, key) is None:
                 raise ValueError(f"{suffix} files do not hold it, so '{key}' must be given")
+        if self.frame is not None and suffix not in USD_SUFFIXES:
+            raise ValueError(f"'frame' needs a place in the name, as in 'frame_%04d{suffix}'")
         if suffix == ".npz" and self.scale_to_mm is not None:
             raise ValueError("an .npz yarn file is in mm; remove 'scale_to_mm'")
         return self

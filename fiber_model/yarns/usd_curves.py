@@ -69,7 +69,41 @@ def read_usd(
     `write_usd` gives them, are of type `type_name`.
     """
     path = Path(path)
-    fields = _read_fields(path, frame)
+    fields = _read_fields(path, "-" if frame is None else str(frame))
+    return _from_fields(fields, path, scale_to_mm, radius_mm, up_axis, type_name)
+
+
+@dataclass(frozen=True)
+class UsdSummary:
+    """What a USD file says of itself, and its yarns at the first frame."""
+
+    yarns: YarnSet
+    """In mm if the file names its unit, else in its unit."""
+    unit_mm: float | None
+    up_axis: str
+    """Y, Z or, where the file names none, nothing."""
+    frames: list[float]
+    """First and last, or none."""
+
+
+def summarize_usd(path: str | Path, *, radius_mm: float | None = None) -> UsdSummary:
+    """For `weft inspect`; `radius_mm` as in `read_usd`."""
+    path = Path(path)
+    fields = _read_fields(path, "first")
+    named = not np.isnan(float(fields["meters_per_unit"]))
+    yarns = _from_fields(fields, path, None if named else 1.0, radius_mm, 1, "yarn")
+    unit = _scale(fields, None, path) if named else None
+    return UsdSummary(yarns, unit, str(fields["up_axis"]), fields["frames"].tolist())
+
+
+def _from_fields(
+    fields: dict[str, np.ndarray],
+    path: Path,
+    scale_to_mm: float | None,
+    radius_mm: float | None,
+    up_axis: int,
+    type_name: str,
+) -> YarnSet:
     scale = _scale(fields, scale_to_mm, path)
     axis = {"": up_axis, "Y": 1, "Z": 2}.get(str(fields["up_axis"]))
     if axis is None:
@@ -85,13 +119,13 @@ def refuse_without_usd(path: Path) -> None:
         raise InputError(MISSING, path=path, hint=f"{CURE}.")
 
 
-def _read_fields(path: Path, frame: int | None) -> dict[str, np.ndarray]:
+def _read_fields(path: Path, frame: str) -> dict[str, np.ndarray]:
     """Run `usd_stage` on the file, within limits of time and memory."""
     refuse_without_usd(path)
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "curves.npz"
         program = [sys.executable, "-P", "-m", f"{__package__}.usd_stage"]
-        command = [*program, os.path.abspath(path), str(result), "-" if frame is None else str(frame)]
+        command = [*program, os.path.abspath(path), str(result), frame]
         environment = os.environ | {"PXR_WORK_THREAD_LIMIT": "1", "OPENBLAS_NUM_THREADS": "1"}
         limit = TIMEOUT_S + path.stat().st_size / 1e6
         try:

@@ -2,7 +2,7 @@
 
 USD's library can crash on a damaged file, fill the memory or not come back. So it reads in a process with
 limits, and what it found is handed over as an .npz file. Arguments: the USD file, the .npz file to write, a
-frame or "-". A user's mistake is printed as one line, exit code 2.
+frame, "first", or "-" where there is one only. A user's mistake is printed as one line, exit code 2.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def main(file: str, result: str, frame: str) -> int:
     limit = MEMORY_BYTES + MEMORY_PER_FILE_BYTE * Path(file).stat().st_size
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     try:
-        fields = read_stage(file, None if frame == "-" else int(frame))
+        fields = read_stage(file, frame)
     except InputError as error:
         print(" ".join(error.what.split()).encode("ascii", "backslashreplace").decode())
         return error.exit_code
@@ -42,16 +42,18 @@ def main(file: str, result: str, frame: str) -> int:
     return 0
 
 
-def read_stage(file: str, frame: int | None) -> dict[str, Any]:
+def read_stage(file: str, frame: str) -> dict[str, Any]:
     """What is asked of the file, at one frame: unit, up axis, and the fields of every prim together."""
     from pxr import UsdGeom
 
     stage = _open(file)
     prims = _curve_prims(stage)
-    time = _time_of(prims, frame)
+    frames = _frames(prims)
+    time = _time_of(prims, frames, frame)
     transforms = UsdGeom.XformCache(time)
     found = [_read_prim(prim, time) for prim in prims]
     fields: dict[str, Any] = {
+        "frames": np.array(frames),
         "meters_per_unit": np.array(
             UsdGeom.GetStageMetersPerUnit(stage) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else np.nan
         ),
@@ -104,25 +106,28 @@ def _curve_prims(stage: Any) -> list[Any]:
     return prims
 
 
-def _time_of(prims: list[Any], frame: int | None) -> Any:
+def _frames(prims: list[Any]) -> list[float]:
+    """The first and the last frame between which points move; empty where they stand still."""
+    spans = [prim.GetAttribute("points").GetTimeSamples() for prim in prims]
+    spans = [span for span in spans if span]
+    return [min(span[0] for span in spans), max(span[-1] for span in spans)] if spans else []
+
+
+def _time_of(prims: list[Any], frames: list[float], frame: str) -> Any:
     """The time to read at; what moves needs a frame between the first and the last that the file has."""
     from pxr import Usd
 
-    attributes = [prim.GetAttribute("points") for prim in prims]
-    moving = [attribute for attribute in attributes if attribute.GetNumTimeSamples()]
-    if not moving:
-        return Usd.TimeCode.Default() if frame is None else Usd.TimeCode(frame)
-    spans = [attribute.GetTimeSamples() for attribute in moving]
-    first, last = min(span[0] for span in spans), max(span[-1] for span in spans)
-    if frame is not None:
-        if not first <= frame <= last:
-            raise InputError(f"no frame {frame}; the file has {first:g} to {last:g}")
-        return Usd.TimeCode(frame)
-    if first == last:
-        return Usd.TimeCode(first)
-    if all(attribute.HasAuthoredValue() and attribute.Get() is not None for attribute in attributes):
+    if frame not in ("-", "first"):
+        if frames and not frames[0] <= int(frame) <= frames[1]:
+            raise InputError(f"no frame {frame}; the file has {frames[0]:g} to {frames[1]:g}")
+        return Usd.TimeCode(int(frame))
+    if not frames:
         return Usd.TimeCode.Default()
-    raise InputError(f"the curves move from frame {first:g} to {last:g}; choose one with 'frame'")
+    if frame == "first" or frames[0] == frames[1]:
+        return Usd.TimeCode(frames[0])
+    if all(prim.GetAttribute("points").Get() is not None for prim in prims):
+        return Usd.TimeCode.Default()
+    raise InputError(f"the curves move from frame {frames[0]:g} to {frames[1]:g}; choose one with 'frame'")
 
 
 def _read_prim(prim: Any, time: Any) -> Prim:
