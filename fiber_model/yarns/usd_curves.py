@@ -183,6 +183,8 @@ def _prim(
     if part["yarn_type"] and not TYPE_NAME.fullmatch(part["yarn_type"]):
         raise InputError(f"{where}: '{part['yarn_type'][:40]}' is no name of a yarn type", path=path)
     matrix = part["transform"]
+    if not np.isfinite(matrix).all():
+        raise InputError(f"{where}: its transform is not finite", path=path)
     with np.errstate(invalid="ignore", over="ignore"):
         points = part["points"] @ matrix[:3, :3] + matrix[3, :3]
         points = turned_to_y_up(points, axis) * scale
@@ -205,7 +207,7 @@ def _refuse_count(count: int, basis: str, wrap: str, where: str, path: Path) -> 
 def _radius(part: dict[str, Any], basis: str, scale: float, path: Path) -> np.ndarray:
     """Half the width of each curve [mm]."""
     where, widths, counts = part["path"], part["widths"], part["counts"]
-    stretch = np.linalg.norm(part["transform"][:3, :3], axis=1)
+    stretch = np.linalg.svd(part["transform"][:3, :3], compute_uv=False)
     needed = {
         "constant": np.ones(1, np.int64),
         "uniform": np.ones(len(counts), np.int64),

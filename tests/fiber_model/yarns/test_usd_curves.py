@@ -177,12 +177,14 @@ def test_catmull_rom_with_guides_begins_at_its_second_point(tmp_path):
 def test_unit_axis_and_transforms(tmp_path):
     above = """def Xform "a" {
     double3 xformOp:translate = (10, 20, 30)
+    float xformOp:rotateX = 90
     float3 xformOp:scale = (2, 2, 2)
-    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX", "xformOp:scale"]
 """
     text = usda(WALK, more=WIDTH, stage='metersPerUnit = 0.01\nupAxis = "Z"\n', above=above, below="}")
     yarns = read(tmp_path, text)
-    x, y, z = 10.0 * (2.0 * WALK + [10, 20, 30]).T
+    turned = np.stack([WALK[:, 0], -WALK[:, 2], WALK[:, 1]], axis=1)
+    x, y, z = 10.0 * (2.0 * turned + [10, 20, 30]).T
     assert yarns.points == pytest.approx(np.stack([x, z, -y], axis=1), rel=1e-6)
     assert yarns.radius == pytest.approx([20.0 * RADIUS])
     assert read(tmp_path, text, scale_to_mm=1.0).radius == pytest.approx([2.0 * RADIUS])
@@ -212,6 +214,21 @@ def test_widths_are_diameters(tmp_path, interpolation, widths, radius):
     text = usda(WALK, counts=[4, 6], basis="bspline", wrap="nonperiodic", more=more)
     assert read(tmp_path, text).radius == pytest.approx(radius)
     assert read(tmp_path, text, radius_mm=0.7).radius.tolist() == [0.7, 0.7]
+
+
+@pytest.mark.usefixtures("fork")
+@pytest.mark.parametrize(
+    ("basis", "counts", "widths"),
+    [("bspline", [6, 6], [0.5] * 6 + [1.0] * 6), ("bezier", [6, 6], [0.5, 0.5, 1.0, 1.0])],
+)
+def test_loops_have_one_varying_width_for_each_segment(tmp_path, basis, counts, widths):
+    more = f'float[] widths = {widths} (\ninterpolation = "varying"\n)'
+    angle = np.arange(6) * 2 * np.pi / 6
+    ring = np.stack([3 * np.cos(angle), 3 * np.sin(angle), 0 * angle], axis=1)
+    ring[::3] *= 0.5  # the joints of a bezier curve lie on a line with their handles
+    loops = np.concatenate([ring, ring + 9])
+    text = usda(loops, counts=counts, basis=basis, wrap="periodic", more=more)
+    assert read(tmp_path, text).radius == pytest.approx([0.25, 0.5])
 
 
 SHIFT = np.array([2.0, 0.0, 0.0])
