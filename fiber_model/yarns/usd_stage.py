@@ -107,8 +107,17 @@ def _curve_prims(stage: Any) -> list[Any]:
 
 
 def _frames(prims: list[Any]) -> list[float]:
-    """The first and the last frame between which points move; empty where they stand still."""
+    """The first and the last frame between which points or transforms move; empty where they stand still."""
+    from pxr import UsdGeom
+
     spans = [prim.GetAttribute("points").GetTimeSamples() for prim in prims]
+    above = {prim.GetPath(): prim for prim in prims}
+    for prim in prims:
+        while (prim := prim.GetParent()) and prim.GetPath() not in above:
+            above[prim.GetPath()] = prim
+    spans += [
+        UsdGeom.Xformable(prim).GetTimeSamples() for prim in above.values() if prim.IsA(UsdGeom.Xformable)
+    ]
     spans = [span for span in spans if span]
     return [min(span[0] for span in spans), max(span[-1] for span in spans)] if spans else []
 
@@ -125,8 +134,6 @@ def _time_of(prims: list[Any], frames: list[float], frame: str) -> Any:
         return Usd.TimeCode.Default()
     if frame == "first" or frames[0] == frames[1]:
         return Usd.TimeCode(frames[0])
-    if all(prim.GetAttribute("points").Get() is not None for prim in prims):
-        return Usd.TimeCode.Default()
     raise InputError(f"the curves move from frame {frames[0]:g} to {frames[1]:g}; choose one with 'frame'")
 
 

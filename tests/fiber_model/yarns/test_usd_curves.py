@@ -247,6 +247,44 @@ def test_one_frame_of_moving_curves(tmp_path):
         read(tmp_path, text)
 
 
+@pytest.mark.usefixtures("fork")
+def test_a_transform_may_move_too(tmp_path):
+    above = """def Xform "a" {
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 5: (8, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+"""
+    text = usda(WALK, more=WIDTH, above=above, below="}")
+    assert read(tmp_path, text, frame=3).points == pytest.approx(WALK + 2 * SHIFT, abs=1e-6)
+    with pytest.raises(InputError, match="the curves move from frame 1 to 5; choose one with 'frame'"):
+        read(tmp_path, text)
+
+
+@pytest.mark.usefixtures("fork")
+def test_instances_are_read_and_hidden_prims_are_not(tmp_path):
+    body = usda(WALK, more=WIDTH).split("\n)\n", 1)[1]
+    text = f"""#usda 1.0
+({MM})
+class "Cloth" {{ {body} }}
+def Xform "first" (instanceable = true
+    inherits = </Cloth>) {{}}
+def Xform "second" (instanceable = true
+    inherits = </Cloth>) {{
+    double3 xformOp:translate = (2, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}}
+def Xform "hidden" (inherits = </Cloth>) {{
+token visibility = "invisible"
+}}
+def Xform "guide" (inherits = </Cloth>) {{
+uniform token purpose = "guide"
+}}
+"""
+    yarns = read(tmp_path, text)
+    assert yarns.yarn_count == 2
+    assert yarns.yarn(0) == pytest.approx(WALK)
+    assert yarns.yarn(1) == pytest.approx(WALK + SHIFT, abs=1e-6)
+
+
 def a_set(*, loops=True):
     rng = np.random.default_rng(4)
     curves = [smooth_walk(n, n).astype(np.float32) for n in (6, 5, 9, 4)]
