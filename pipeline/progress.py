@@ -59,8 +59,8 @@ class _Clock:
 
 
 @dataclass
-class PlainReporter:
-    """A line now and then: the first after a second, the next ones each time later by half."""
+class _LineReporter:
+    """What bars and plain lines say alike: whole lines for people."""
 
     stream: TextIO
 
@@ -69,6 +69,11 @@ class PlainReporter:
 
     def finished(self, stage: str, seconds: float, result: str, outputs: list[str]) -> None:
         self.note(_finished_line(stage, seconds, result, outputs))
+
+
+@dataclass
+class PlainReporter(_LineReporter):
+    """A line now and then: the first after a second, the next ones each time later by half."""
 
     @contextmanager
     def work(self, stage: str) -> Iterator[Progress]:
@@ -122,16 +127,8 @@ class JsonReporter:
 
 
 @dataclass
-class BarReporter:
+class BarReporter(_LineReporter):
     """A bar with the time left for work over a second, also before the work reports anything."""
-
-    stream: TextIO
-
-    def note(self, text: str) -> None:
-        print(text, file=self.stream, flush=True)
-
-    def finished(self, stage: str, seconds: float, result: str, outputs: list[str]) -> None:
-        self.note(_finished_line(stage, seconds, result, outputs))
 
     @contextmanager
     def work(self, stage: str) -> Iterator[Progress]:

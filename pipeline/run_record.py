@@ -15,6 +15,8 @@ from typing import Any
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
+from .json_file import read_json
+
 FORMAT = "weft run record"
 FORMAT_VERSION = 1
 MAX_RECORD_BYTES = 16 * 2**20
@@ -70,14 +72,7 @@ def read_record(path: Path) -> RunRecord | None:
 
 def parse_record(path: Path) -> RunRecord:
     """Raises `InputError` where the file is no run record."""
-    try:
-        if path.stat().st_size > MAX_RECORD_BYTES:
-            raise InputError("is too large for a run record", path=path)
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", path=path) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError("is not valid JSON", path=path) from error
+    values = read_json(path, max_bytes=MAX_RECORD_BYTES, what="a run record")
     if not isinstance(values, dict) or values.get("format") != FORMAT:
         raise InputError("is not a run record", path=path)
     try:

@@ -13,6 +13,8 @@ from weft.fiber_model.scattering_parameters import FiberScatteringParameters
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
+from .json_file import read_json
+
 FORMAT = "weft scattering parameters"
 FORMAT_VERSION = 1
 MAX_BYTES = 2**24
@@ -33,14 +35,7 @@ def write_scattering(path: Path, media: Mapping[str, FiberScatteringParameters])
 
 def read_scattering(path: Path) -> dict[str, FiberScatteringParameters]:
     """Raises `InputError` where the file is not one of ours."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError("is too large for scattering parameters", path=path)
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", path=path) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError("is not valid JSON", path=path) from error
+    document = read_json(path, max_bytes=MAX_BYTES, what="scattering parameters")
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("holds no scattering parameters of weft", path=path)
     if document.get("format_version") != FORMAT_VERSION:
