@@ -26,10 +26,5 @@ void track(inout Path p) {
         return;
     }
     p.next_free -= depth;
-    p.t = t_exit;
-    p.voxel = next;
-    if (is_outside(next)) {
-        p.mode = MODE_ESCAPED;
-        if (shadow) end_shadow(p, max(exp(p.depth_left - p.shadow_depth), SHADOW_ROULETTE));
-    }
+    leave_cell(p, t_exit, next);
 }

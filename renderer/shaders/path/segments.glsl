@@ -38,3 +38,14 @@ void start_shadow(inout Path p, vec3 direction, vec3 light, uint bits) {
     p.mode = MODE_SHADOW;
     if (is_outside(p.voxel)) end_shadow(p, 1.0);
 }
+
+// The segment goes on in the voxel behind a cell, or has left the volume.
+void leave_cell(inout Path p, float t_exit, ivec3 next) {
+    p.t = t_exit;
+    p.voxel = next;
+    if (is_outside(next)) {
+        bool shadow = p.mode == MODE_SHADOW;
+        p.mode = MODE_ESCAPED;
+        if (shadow) end_shadow(p, max(exp(p.depth_left - p.shadow_depth), SHADOW_ROULETTE));
+    }
+}

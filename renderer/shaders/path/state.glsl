@@ -1,6 +1,6 @@
 // The state of one lane, and its place in the state buffer between dispatches. Everything a path depends on is
 // saved bit by bit, so cutting a path into dispatches changes nothing.
-// Needs from the program: states[], lane_count, seed.
+// Needs from the program: states[] (9 uvec4 per lane, STATE_WORDS in renderer/kernel.py), lane_count, seed.
 #include "rng/random.glsl"
 
 // 32 random bits each; moves the sample on by one dimension.
@@ -46,8 +46,6 @@ struct Path {
     uvec4 rng;           // pixel, sample, dimension, seed; see rng/random.glsl
     float next_free;     // delta tracking: optical depth to the next tentative collision
 };
-
-const uint STATE_WORDS = 9u;  // uvec4 per lane; renderer/kernel.py allocates them
 
 Path load_path(uint lane) {
     uvec4 w0 = states[lane];
