@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weft.fiber_model.config import FibersConfig
-from weft.fiber_model.scattering_config import ScatteringConfig
+from weft.fiber_model.scattering.config import ScatteringConfig
 from weft.fiber_model.yarns.config import YarnsConfig
 from weft.files.input_file import InputFile, OutputPath
 from weft.renderer.config import RenderConfig

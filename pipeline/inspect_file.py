@@ -159,7 +159,7 @@ def _fiber_curves(path: Path) -> Facts:
 
 def _bcc(path: Path) -> Facts:
     """In the file's own unit, which it does not name; it holds no radius either."""
-    from weft.fiber_model.yarns.bcc import read_bcc
+    from weft.fiber_model.yarns.formats.bcc import read_bcc
 
     return _in_file_units(read_bcc(path, scale_to_mm=1.0, radius_mm=1.0), has_radius=False)
 
@@ -172,26 +172,26 @@ def _in_file_units(yarns: Any, *, has_radius: bool = True) -> Facts:
 
 
 def _bccx(path: Path) -> Facts:
-    from weft.fiber_model.yarns.bcc import read_bccx
+    from weft.fiber_model.yarns.formats.bcc import read_bccx
 
     return _in_file_units(read_bccx(path, scale_to_mm=1.0))
 
 
 def _poly(path: Path) -> Facts:
-    from weft.fiber_model.yarns.poly import read_poly
+    from weft.fiber_model.yarns.formats.poly import read_poly
 
     return _in_file_units(read_poly(path, scale_to_mm=1.0, radius_mm=1.0), has_radius=False)
 
 
 def _smobj_yarns(path: Path) -> Facts:
-    from weft.fiber_model.yarns.smobj_yarns import read_smobj_yarns
+    from weft.fiber_model.yarns.formats.smobj_yarns import read_smobj_yarns
 
     return _in_file_units(read_smobj_yarns(path, scale_to_mm=1.0))
 
 
 def _hair(path: Path) -> Facts:
     """Without the radius where the file has none, or not one for each strand."""
-    from weft.fiber_model.yarns.read_file import hair_reader
+    from weft.fiber_model.yarns.formats.read_file import hair_reader
 
     read = hair_reader(path)
     try:
@@ -202,7 +202,7 @@ def _hair(path: Path) -> Facts:
 
 def _usd(path: Path) -> Facts:
     """The curves at the first frame; without the radius where the file has not one for each curve."""
-    from weft.fiber_model.yarns.usd_curves import summarize_usd
+    from weft.fiber_model.yarns.formats.usd_curves import summarize_usd
 
     has_radius = True
     try:
@@ -220,7 +220,7 @@ def _usd(path: Path) -> Facts:
 
 
 def _pyp(path: Path) -> Facts:
-    from weft.fiber_model.yarns.pyp import read_pyp
+    from weft.fiber_model.yarns.formats.pyp import read_pyp
 
     tile = read_pyp(path)
     lengths = np.linalg.norm(tile.edge_vectors(), axis=1)

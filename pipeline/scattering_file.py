@@ -9,7 +9,7 @@ from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any
 
-from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 

@@ -21,7 +21,7 @@ from .stage import Progress, Stage, StageInput, StageWork
 
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
-    from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+    from weft.fiber_model.scattering.parameters import FiberScatteringParameters
     from weft.fiber_model.yarns.yarns import YarnSet
     from weft.voxelize.grid import FiberVolume
 
@@ -268,10 +268,10 @@ def _count(number: int, what: str) -> str:
 
 FIBER_CODE = ("fiber_model",)
 LOBE_CODE = (
-    "fiber_model/scattering.py",
-    "fiber_model/scattering_azimuthal.py",
-    "fiber_model/scattering_longitudinal.py",
-    "fiber_model/scattering_parameters.py",
+    "fiber_model/scattering/phase.py",
+    "fiber_model/scattering/azimuthal.py",
+    "fiber_model/scattering/longitudinal.py",
+    "fiber_model/scattering/parameters.py",
 )
 GRID_CODE = tuple(
     f"voxelize/{name}.py"
@@ -287,7 +287,7 @@ GRID_CODE = tuple(
         "vdb_child",
     )
 )
-SCATTERING_CODE = ("fiber_model/scattering_config.py", "fiber_model/scattering_parameters.py")
+SCATTERING_CODE = ("fiber_model/scattering/config.py", "fiber_model/scattering/parameters.py")
 
 CHAIN: dict[str, Stage] = {
     stage.name: stage

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from weft.fiber_model.scattering import longitudinal_widths
-from weft.fiber_model.scattering_longitudinal import gaussian_normalization
-from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.longitudinal import gaussian_normalization
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.phase import longitudinal_widths
 
 NORMALIZATION_TERMS = 8
 GAUSSIAN, VMF = 0.0, 1.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.errors import InputError
 from weft.voxelize.grid import FiberVolume
 

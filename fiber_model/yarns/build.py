@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from .config import FileYarnsConfig, GarmentConfig, KnitConfig, TileConfig, WeaveConfig, YarnsConfig
-from .garment import garment_yarns
-from .knit import knit_yarns
-from .knit_chart import knit_chart_yarns
-from .pyp import read_pyp
-from .read_file import read_yarns
-from .tile import tile_yarns
-from .weave import weave_yarns
+from .fabrics.knit import knit_yarns
+from .fabrics.knit_chart import knit_chart_yarns
+from .fabrics.tile import tile_yarns
+from .fabrics.weave import weave_yarns
+from .formats.pyp import read_pyp
+from .formats.read_file import read_yarns
+from .garments.garment import garment_yarns
 from .yarns import YarnSet
 
 Progress = Callable[[float, str], None]

@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from weft.files.input_file import InputFile, TextFromFile
 
-from .surface_config import SurfaceConfig
+from .garments.surface_config import SurfaceConfig
 
 Positive = Annotated[float, Field(gt=0, le=1e7, allow_inf_nan=False)]
 Size = tuple[Positive, Positive]

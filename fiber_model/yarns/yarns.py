@@ -13,7 +13,7 @@ import numpy as np
 from weft.files.errors import InputError
 
 if TYPE_CHECKING:
-    from .garment_report import GarmentReport
+    from .garments.garment_report import GarmentReport
 
 MIN_POINTS = 4
 """Fewest control points of a centerline."""

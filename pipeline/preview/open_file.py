@@ -61,7 +61,7 @@ def _npz(path: Path, options: PreviewOptions) -> Scene:
 
 
 def _bcc(path: Path, options: PreviewOptions) -> Scene:
-    from weft.fiber_model.yarns.bcc import read_bcc
+    from weft.fiber_model.yarns.formats.bcc import read_bcc
 
     from .yarn_scene import yarn_scene
 
@@ -71,7 +71,7 @@ def _bcc(path: Path, options: PreviewOptions) -> Scene:
 
 
 def _pyp(path: Path, options: PreviewOptions) -> Scene:
-    from weft.fiber_model.yarns.pyp import read_pyp
+    from weft.fiber_model.yarns.formats.pyp import read_pyp
 
     from .yarn_scene import tile_scene
 
@@ -81,7 +81,7 @@ def _pyp(path: Path, options: PreviewOptions) -> Scene:
 
 def _obj(path: Path, options: PreviewOptions) -> Scene:
     """Polylines are yarns; a file with faces and no polylines is a mesh."""
-    from weft.fiber_model.yarns.obj_lines import read_obj_lines
+    from weft.fiber_model.yarns.formats.obj_lines import read_obj_lines
 
     from .yarn_scene import yarn_scene
 

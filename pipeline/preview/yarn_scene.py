@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from weft.fiber_model.yarns.catmull_rom import CatmullRom, yarn_lengths
-from weft.fiber_model.yarns.tile import PeriodicTile, repeat_tile
+from weft.fiber_model.yarns.fabrics.tile import PeriodicTile, repeat_tile
 from weft.fiber_model.yarns.yarns import YarnSet
 
 from . import part

@@ -10,10 +10,10 @@ import time
 import numpy as np
 import pytest
 
-from tests.fiber_model.scattering_cases import CORNERS, preset
+from tests.fiber_model.scattering.scattering_cases import CORNERS, preset
 from tests.renderer.probe import probe
 from tests.renderer.shaders.fiber_probes import random_keys
-from weft.fiber_model.scattering import fiber_phase_sample
+from weft.fiber_model.scattering.phase import fiber_phase_sample
 from weft.renderer.scattering_block import pack_scattering
 
 pytestmark = [pytest.mark.gl, pytest.mark.benchmark]

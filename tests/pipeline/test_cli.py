@@ -255,7 +255,7 @@ def test_reading_a_job_loads_nothing_heavy():
     [
         ("yarns", "fiber_model.yarns.build, weft.fiber_model.yarns.yarn_file"),
         ("voxelize", "voxelize.voxelize, weft.fiber_model.fibers, weft.voxelize.vdb, weft.voxelize.nanovdb"),
-        ("scattering", "fiber_model.scattering_config"),
+        ("scattering", "fiber_model.scattering.config"),
         ("render", "renderer.render, weft.voxelize.vdb, weft.voxelize.nanovdb"),
     ],
 )

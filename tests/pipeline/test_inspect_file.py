@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.fiber_model.yarns.yarn_file import save_yarns
 from weft.fiber_model.yarns.yarns import YarnSet
 from weft.files.errors import InputError

@@ -2,8 +2,8 @@
 
 import pytest
 
-from tests.fiber_model.yarns.test_mitsuba_hair import binary
-from tests.fiber_model.yarns.test_read_file import WALK, write
+from tests.fiber_model.yarns.formats.test_mitsuba_hair import binary
+from tests.fiber_model.yarns.formats.test_read_file import WALK, write
 from weft.fiber_model.yarns.config import NOT_IN_FILE
 from weft.files.errors import InputError
 from weft.pipeline.inspect_file import READERS, describe

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tests.fiber_model.yarns.test_read_file import WALK
-from weft.fiber_model.yarns.bcc import write_bcc
+from tests.fiber_model.yarns.formats.test_read_file import WALK
+from weft.fiber_model.yarns.formats.bcc import write_bcc
 from weft.fiber_model.yarns.yarn_file import load_yarns
 from weft.fiber_model.yarns.yarns import YarnSet
 from weft.pipeline.config import load

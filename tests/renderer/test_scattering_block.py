@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.fiber_model.scattering_cases import CORNERS
+from tests.fiber_model.scattering.scattering_cases import CORNERS
 from weft.renderer.scattering_block import (
     BLOCK_SHADER,
     FLOATS_PER_MEDIUM,

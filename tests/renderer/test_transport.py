@@ -9,8 +9,8 @@ import math
 import numpy as np
 import pytest
 
-from weft.fiber_model.scattering import fiber_phase_eval
-from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.phase import fiber_phase_eval
 from weft.renderer.config import (
     ConstantLight,
     DirectionalLight,

@@ -1,6 +1,6 @@
 // Three-lobe fiber phase function R, TT, TRT (thesis section 6.2, after Khungurn et al. 2015), per steradian.
 // Local frame: x is the fiber; wo and wi point away from the point. Every lobe is sampled exactly, so a gray fiber's
-// weight is its albedo for every sample. Twin: fiber_model/scattering.py
+// weight is its albedo for every sample. Twin: fiber_model/scattering/phase.py
 #include "math/constants.glsl"
 #include "rng/random.glsl"
 #include "phase/fiber_block.glsl"

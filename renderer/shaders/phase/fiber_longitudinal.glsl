@@ -1,5 +1,5 @@
 // Longitudinal lobes M of the fiber phase function, all three lobes at once: Gaussian (Khungurn et al. 2015, with the
-// exact normalization) and von Mises-Fisher (d'Eon et al. 2011). Twin: fiber_model/scattering_longitudinal.py
+// exact normalization) and von Mises-Fisher (d'Eon et al. 2011). Twin: fiber_model/scattering/longitudinal.py
 #include "math/constants.glsl"
 #include "math/arctangent.glsl"
 #include "math/bessel.glsl"

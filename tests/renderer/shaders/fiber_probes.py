@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from tests.renderer.probe import probe
-from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.renderer.scattering_block import pack_scattering
 
 _CALLS = """

@@ -10,10 +10,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.fiber_model.scattering_cases import CORNERS, PRESET_NAMES, gray, preset
-from tests.fiber_model.sphere_bins import angles_from_tt, direction, fiber_bins, fiber_means, gauss_points
+from tests.fiber_model.scattering.scattering_cases import CORNERS, PRESET_NAMES, gray, preset
+from tests.fiber_model.scattering.sphere_bins import (
+    angles_from_tt,
+    direction,
+    fiber_bins,
+    fiber_means,
+    gauss_points,
+)
 from tests.renderer.shaders.fiber_probes import draw_probe, fiber_probe, random_keys
-from weft.fiber_model.scattering import (
+from weft.fiber_model.scattering.longitudinal import gaussian_eval, gaussian_normalization
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.phase import (
     fiber_phase_albedo,
     fiber_phase_eval,
     fiber_phase_pdf,
@@ -21,8 +29,6 @@ from weft.fiber_model.scattering import (
     lobe_energies,
     longitudinal_widths,
 )
-from weft.fiber_model.scattering_longitudinal import gaussian_eval, gaussian_normalization
-from weft.fiber_model.scattering_parameters import FiberScatteringParameters
 
 pytestmark = pytest.mark.gl
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.fiber_model.sphere_bins import gauss_points
+from tests.fiber_model.scattering.sphere_bins import gauss_points
 from tests.renderer.probe import probe
 from tests.renderer.shaders.reference import henyey_greenstein
 

@@ -1,0 +1,104 @@
+"""Settings of the fiber's scattering: the [scattering] table, complete by itself or on top of a preset."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+from .parameters import FiberScatteringParameters
+
+
+def _three_channels(value: Any) -> Any:
+    """A single number stands for a gray color."""
+    return (value, value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _none_for_uniform(value: Any) -> Any:
+    return None if value == "uniform" else value
+
+
+def _without_symmetric(value: Any) -> Any:
+    if value == "symmetric":
+        raise PydanticCustomError(
+            "not_built",
+            "the reciprocal kind 'symmetric' is not built yet (issue 5 adds it); use 'gaussian' or 'vmf'",
+        )
+    return value
+
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Color = Annotated[
+    tuple[Fraction, Fraction, Fraction],
+    BeforeValidator(_three_channels, json_schema_input_type=Fraction | tuple[Fraction, Fraction, Fraction]),
+]
+LongitudinalWidth = Annotated[float, Field(ge=0.5, le=60)]
+AzimuthalWidth = Annotated[float, Field(ge=2, le=300)]
+AzimuthalWidthOrUniform = Annotated[
+    AzimuthalWidth | None,
+    BeforeValidator(_none_for_uniform, json_schema_input_type=AzimuthalWidth | Literal["uniform"]),
+]
+Longitudinal = Annotated[Literal["gaussian", "vmf"], BeforeValidator(_without_symmetric)]
+
+
+class LobesConfig(BaseModel):
+    """The three lobes R, TT, TRT of one fiber. Colors are linear RGB in [0, 1]; one number means gray."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+    preset: str | None = None
+    """Name of the table of presets/scattering/ that the values came from; the caller merges it."""
+
+    longitudinal_width_r_deg: LongitudinalWidth
+    """Width of the R lobe along the fiber, beta_R: the roughness of the fiber's surface."""
+    longitudinal_width_tt_deg: LongitudinalWidth
+    """Width of the TT lobe along the fiber, beta_TT."""
+    longitudinal_width_trt_deg: LongitudinalWidth
+    """Width of the TRT lobe along the fiber, beta_TRT."""
+    azimuthal_width_tt_deg: AzimuthalWidth
+    """Width of the TT lobe around the fiber, gamma_TT; about 30 for a smooth cylinder, above 200 uniform."""
+    azimuthal_width_trt_deg: AzimuthalWidthOrUniform = None
+    """Width of the TRT lobe around the fiber, gamma_TRT; default "uniform", as in the thesis."""
+    fresnel_r: Color
+    """Reflectance at normal incidence F_R; it rises to one at grazing angles (Schlick)."""
+    fresnel_tt: Fraction
+    """Part T of the light inside the fiber that leaves it at the first passage; the rest becomes TRT."""
+    color_r: Color = (1.0, 1.0, 1.0)
+    """Color of the R lobe, C_R."""
+    color_tt: Color = (1.0, 1.0, 1.0)
+    """Color of light that passed through the fiber once, C_TT: the dye."""
+    color_trt: Color = (1.0, 1.0, 1.0)
+    """Color of light reflected inside, C_TRT; absorption suggests C_TT to the power 1.9."""
+    longitudinal: Longitudinal = "gaussian"
+    """Shape along the fiber: gaussian (Khungurn et al. 2015) or vmf (d'Eon et al. 2011)."""
+    azimuthal: Literal["wrapped_normal", "von_mises"] = "wrapped_normal"
+    """Shape around the fiber, of the lobes that are not uniform."""
+
+    def to_parameters(self) -> FiberScatteringParameters:
+        around_trt = self.azimuthal_width_trt_deg
+        return FiberScatteringParameters(
+            longitudinal_width_r=math.radians(self.longitudinal_width_r_deg),
+            longitudinal_width_tt=math.radians(self.longitudinal_width_tt_deg),
+            longitudinal_width_trt=math.radians(self.longitudinal_width_trt_deg),
+            azimuthal_width_tt=math.radians(self.azimuthal_width_tt_deg),
+            azimuthal_width_trt=None if around_trt is None else math.radians(around_trt),
+            fresnel_r=self.fresnel_r,
+            fresnel_tt=self.fresnel_tt,
+            color_r=self.color_r,
+            color_tt=self.color_tt,
+            color_trt=self.color_trt,
+            longitudinal=self.longitudinal,
+            azimuthal=self.azimuthal,
+        )
+
+
+class ScatteringConfig(LobesConfig):
+    """How the fibers scatter light; `by_type` gives single yarn types lobes of their own."""
+
+    by_type: dict[str, LobesConfig] = {}
+    """Lobes by yarn type, for types that differ; the caller completes them from this table or a preset."""
+
+    def parameters_for(self, yarn_type: str) -> FiberScatteringParameters:
+        return self.by_type.get(yarn_type, self).to_parameters()

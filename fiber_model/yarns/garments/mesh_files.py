@@ -1,0 +1,91 @@
+"""Readers of triangle meshes: .obj, .ply, .glb and .gltf through trimesh, USD through usd-core.
+
+Units and the upward axis come from the file where it knows them, and else from the config.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from weft.fiber_model.yarns.formats.bcc import turned_to_y_up
+from weft.files.errors import InputError
+
+from .surface_mesh import SurfaceMesh
+
+GLTF_TO_MM = 1000.0
+MAX_FILE_BYTES = 2 << 30
+
+
+def read_mesh(
+    path: str | Path,
+    *,
+    scale_to_mm: float | None = None,
+    up_axis: int = 1,
+    uv_unit_mm: float | None = None,
+) -> SurfaceMesh:
+    """Read all meshes of a file as one; `scale_to_mm` is the length of a file unit [mm], `up_axis` 1 or 2."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    _refuse_large(path)
+    if suffix.startswith(".usd"):
+        from .usd_mesh import read_usd_mesh
+
+        vertices, faces, uv = read_usd_mesh(path, scale_to_mm=scale_to_mm)
+    else:
+        vertices, faces, uv = _read_with_trimesh(path)
+        if scale_to_mm is None and suffix in (".obj", ".ply"):
+            raise InputError("needs scale_to_mm: these files do not hold their unit", path=path)
+        vertices = turned_to_y_up(vertices, up_axis) * (scale_to_mm or GLTF_TO_MM)
+    return SurfaceMesh.checked(vertices, faces, uv, uv_unit_mm=uv_unit_mm, source=path)
+
+
+def _refuse_large(path: Path) -> None:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError("over 2 GiB; too large for a garment's mesh", path=path)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", path=path) from None
+
+
+def _read_with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Vertices in file units, triangles, and (u, v) per corner where every part of the file has them."""
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(path, process=False, maintain_order=True, skip_materials=True)
+        parts = [part for part in scene.dump(concatenate=False) if isinstance(part, trimesh.Trimesh)]
+    except Exception as error:  # the readers raise nearly anything on damaged files
+        raise InputError(
+            f"cannot be read as a mesh ({type(error).__name__}); is it damaged?", path=path
+        ) from error
+    if not parts:
+        raise InputError("there is no triangle mesh in this file", path=path)
+    return joined_parts(
+        [(np.asarray(part.vertices), np.asarray(part.faces), _corner_uv(part, path)) for part in parts]
+    )
+
+
+def _corner_uv(part: Any, path: Path) -> np.ndarray | None:
+    """(u, v) of each corner of each triangle of a trimesh, shape [n, 3, 2], or None."""
+    uv = getattr(part.visual, "uv", None)
+    if uv is None or len(uv) != len(part.vertices) or len(uv) == 0:
+        return None
+    if part.faces.min() < 0 or part.faces.max() >= len(uv):
+        raise InputError(f"triangles name vertices that there are not; there are {len(uv)}", path=path)
+    return np.asarray(uv, dtype=np.float64)[part.faces][..., :2]
+
+
+def joined_parts(
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray | None]],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """One mesh of several; with (u, v) only if all have them."""
+    starts = np.cumsum([0] + [len(vertices) for vertices, _, _ in parts])
+    uvs = [uv for _, _, uv in parts if uv is not None]
+    return (
+        np.concatenate([vertices for vertices, _, _ in parts]),
+        np.concatenate([faces + start for (_, faces, _), start in zip(parts, starts[:-1], strict=True)]),
+        np.concatenate(uvs) if len(uvs) == len(parts) else None,
+    )

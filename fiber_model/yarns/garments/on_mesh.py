@@ -1,0 +1,217 @@
+"""Flat cloth laid on a triangle mesh: every control point goes to its place in (u, v), and along the normal.
+
+The pattern is made for each chart's rectangle, cut where the chart ends, and mapped. Pieces that meet across
+a seam, end to end and in line, become one yarn again; a course around a tube becomes a loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from weft.fiber_model.yarns.catmull_rom import norm
+from weft.fiber_model.yarns.yarns import YarnSet, concatenate, refuse_too_many_points
+from weft.files.errors import InputError
+
+from .chart_clip import Pieces, clip_to_chart
+from .chart_lookup import ChartLookup
+from .charts import Chart
+from .garment_report import report_garment
+from .hems import hem_yarns
+from .seams import join_pieces
+from .surface_mesh import SurfaceMesh
+
+ROUNDING = 0.5
+"""Part of the way to the tangent planes of a triangle's corners (Phong tessellation): one half reproduces a
+sphere to second order; the paper's 3/4 bulges by half as much again."""
+MARGIN = 2
+"""Periods of the pattern made beyond each side of a chart."""
+
+
+@dataclass(frozen=True)
+class FlatPattern:
+    """Cloth in the x, y plane with its face toward +z, which can be made in any size."""
+
+    period_mm: np.ndarray
+    """Width and height after which the pattern repeats; 0 for a pattern of one piece that does not."""
+    make: Callable[[tuple[float, float]], YarnSet]
+    """Yarns of a rectangle of whole periods around the origin."""
+    least_piece_mm: float = 0.0
+    """Pieces whose cut ends lie nearer to each other than this are loose arcs of slit loops and fall off."""
+
+    def over(self, bounds: np.ndarray) -> YarnSet:
+        """Yarns that cover the rectangle `bounds` [mm], shape [2, 2]; periods count from its lower left."""
+        if not self.period_mm.all():
+            yarns, corner, size = self.make((0.0, 0.0)), bounds[0], bounds[1] - bounds[0]
+            low, high = yarns.points[:, :2].min(axis=0), yarns.points[:, :2].max(axis=0)
+            return _moved(yarns, corner + 0.5 * size - 0.5 * (low + high))
+        periods = np.ceil((bounds[1] - bounds[0]) / self.period_mm - 1e-6) + 2 * MARGIN
+        size = periods * self.period_mm
+        corner = bounds[0] - MARGIN * self.period_mm
+        return _moved(self.make((float(size[0]), float(size[1]))), corner + 0.5 * size)
+
+
+def lay_on_mesh(
+    mesh: SurfaceMesh,
+    charts: Sequence[Chart],
+    pattern: FlatPattern,
+    *,
+    offset_mm: float = 0.0,
+    join_seams: bool = True,
+    hem_mm: float = 0.0,
+    progress: Callable[[float, str], None] | None = None,
+) -> YarnSet:
+    """Cover every chart with `pattern`, `offset_mm` outside of the surface; the result carries a report.
+
+    With `hem_mm` stitches of that depth run around each free border, in the first yarn of the pattern.
+    """
+    normals = mesh.vertex_normals()
+    fitted, parts = [], []
+    for number, chart in enumerate(charts):
+        if pattern.period_mm.all():
+            chart = chart.fitted(pattern.period_mm)
+        fitted.append(chart)
+        flat = pattern.over(chart.bounds)
+        pieces = clip_to_chart(flat, ChartLookup(chart.flat), least_piece_mm=pattern.least_piece_mm)
+        if len(pieces.yarn):
+            parts.append(_laid(mesh, normals, chart, pieces, flat, offset_mm))
+            refuse_too_many_points(sum(len(part.points) for part in parts), "the garment")
+        if progress is not None:
+            progress(0.9 * (number + 1) / len(charts), f"chart {number + 1} of {len(charts)}")
+    if not parts:
+        raise InputError("no yarn of the pattern fits on the mesh; its charts are smaller than the pattern")
+    laid = Laid.joined(parts)
+    joined = join_pieces(laid, reach=1.0 if join_seams else 0.0)
+    names = tuple(dict.fromkeys(name for part in parts for name in part.type_names))
+    yarns = YarnSet.checked(
+        joined.curves,
+        closed=joined.closed,
+        radius=laid.radius[joined.first_piece],
+        yarn_type=laid.yarn_type[joined.first_piece],
+        type_names=names,
+        surface_uv=joined.uv,
+    )
+    hem = _hem(mesh, laid, hem_mm, offset_mm) if hem_mm > 0 else None
+    yarns = yarns if hem is None else concatenate([yarns, hem])
+    return replace(yarns, report=report_garment(mesh, fitted, yarns, laid, joined))
+
+
+@dataclass(frozen=True)
+class Laid:
+    """Pieces of yarn on the surface, before they are joined."""
+
+    points: np.ndarray
+    """Control points [mm], float64, shape [n, 3]."""
+    uv: np.ndarray
+    """The mesh's own (u, v) at each, float64, shape [n, 2]."""
+    offsets: np.ndarray
+    """First point of each piece, int64, shape [piece_count + 1]."""
+    is_cut: np.ndarray
+    """Whether the piece's beginning and end are cuts at a chart's border, bool, shape [piece_count, 2]."""
+    closed: np.ndarray
+    """Whether the piece is a loop, bool, shape [piece_count]."""
+    radius: np.ndarray
+    """Yarn radius [mm], float64, shape [piece_count]."""
+    yarn_type: np.ndarray
+    """Index into `type_names`, int32, shape [piece_count]."""
+    type_names: tuple[str, ...]
+    chord_length_mm: tuple[float, float]
+    """Length of all pieces along their chords: on the flat cloth, and on the surface."""
+    half_thickness_mm: float
+    """Largest distance of a centerline from the middle of the cloth."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[Laid]) -> Laid:
+        """All parts one after the other; they are of the same pattern, so of the same types."""
+        starts = np.cumsum([0] + [len(part.points) for part in parts])
+        offsets = [part.offsets[:-1] + start for part, start in zip(parts, starts[:-1], strict=True)]
+        arrays = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("points", "uv", "is_cut", "closed", "radius", "yarn_type")
+        }
+        return cls(
+            **arrays,
+            offsets=np.concatenate([*offsets, starts[-1:]]),
+            type_names=parts[0].type_names,
+            chord_length_mm=(
+                sum(part.chord_length_mm[0] for part in parts),
+                sum(part.chord_length_mm[1] for part in parts),
+            ),
+            half_thickness_mm=max(part.half_thickness_mm for part in parts),
+        )
+
+
+def surface_points(
+    mesh: SurfaceMesh, normals: np.ndarray, faces: np.ndarray, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places [mm] and unit normals on the rounded surface, from triangles and barycentric coordinates.
+
+    Phong tessellation (Boubekeur and Alexa 2008): the flat point is drawn toward its projections onto the
+    tangent planes of the three corners, so that yarns do not kink at the edges of triangles.
+    """
+    corner, weight = mesh.faces[faces], weights[..., None]
+    flat = (mesh.vertices[corner] * weight).sum(axis=1)
+    normal = normals[corner]
+    height = ((flat[:, None] - mesh.vertices[corner]) * normal).sum(axis=2, keepdims=True)
+    rounded = flat - ROUNDING * (weight * height * normal).sum(axis=1)
+    smooth = (weight * normal).sum(axis=1)
+    length = norm(smooth)
+    face_normal = np.cross(
+        mesh.vertices[corner[:, 1]] - mesh.vertices[corner[:, 0]],
+        mesh.vertices[corner[:, 2]] - mesh.vertices[corner[:, 0]],
+    )
+    smooth = np.where((length > 1e-6)[:, None], smooth, face_normal)
+    return rounded, smooth / norm(smooth)[:, None]
+
+
+def _laid(
+    mesh: SurfaceMesh, normals: np.ndarray, chart: Chart, pieces: Pieces, flat: YarnSet, offset_mm: float
+) -> Laid:
+    """The pieces of one chart on the surface."""
+    points, uv = np.empty_like(pieces.points), np.empty((len(pieces.points), 2))
+    for begin in range(0, len(points), 1 << 18):
+        part = slice(begin, begin + (1 << 18))
+        triangle, weights = pieces.triangle[part], pieces.weights[part]
+        place, normal = surface_points(mesh, normals, chart.faces[triangle], weights)
+        points[part] = place + (pieces.points[part, 2:] + offset_mm) * normal
+        uv[part] = (chart.uv[triangle] * weights[..., None]).sum(axis=1)
+    return Laid(
+        points=points,
+        uv=uv,
+        offsets=pieces.offsets,
+        is_cut=pieces.is_cut,
+        closed=flat.closed[pieces.yarn],
+        radius=flat.radius[pieces.yarn],
+        yarn_type=flat.yarn_type[pieces.yarn],
+        type_names=flat.type_names,
+        chord_length_mm=(
+            _chord_length(pieces.points, pieces.offsets),
+            _chord_length(points, pieces.offsets),
+        ),
+        half_thickness_mm=float(np.abs(pieces.points[:, 2]).max()),
+    )
+
+
+def _chord_length(points: np.ndarray, offsets: np.ndarray) -> float:
+    """Sum of the distances between neighboring points within each piece."""
+    chords = norm(np.diff(points, axis=0))
+    chords[offsets[1:-1] - 1] = 0.0
+    return float(chords.sum())
+
+
+def _hem(mesh: SurfaceMesh, laid: Laid, depth_mm: float, offset_mm: float) -> YarnSet | None:
+    return hem_yarns(
+        mesh,
+        depth_mm=depth_mm,
+        half_thickness_mm=laid.half_thickness_mm,
+        radius_mm=float(laid.radius[0]),
+        offset_mm=offset_mm,
+        type_name=laid.type_names[laid.yarn_type[0]],
+    )
+
+
+def _moved(yarns: YarnSet, by: np.ndarray) -> YarnSet:
+    """The same yarns elsewhere in the plane; without twist, which the surface's bending would falsify."""
+    return replace(yarns, points=yarns.points + np.append(by, 0.0), twist=None, surface_uv=None)

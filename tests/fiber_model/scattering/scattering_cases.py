@@ -1,0 +1,51 @@
+"""Parameter sets that tests of the fiber's scattering share."""
+
+from __future__ import annotations
+
+import tomllib
+from math import radians
+from pathlib import Path
+
+from weft.fiber_model.scattering.config import ScatteringConfig
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
+
+PRESETS = Path(__file__).resolve().parents[3] / "configs" / "presets" / "scattering"
+PRESET_NAMES = sorted(path.stem for path in PRESETS.glob("*.toml"))
+
+
+def preset(name: str, **changes) -> FiberScatteringParameters:
+    table = tomllib.loads((PRESETS / f"{name}.toml").read_text(encoding="utf-8"))
+    return ScatteringConfig(**{**table, **changes}).to_parameters()
+
+
+def gray(
+    betas_deg=(6.0, 12.0, 24.0),
+    gamma_deg: float = 220.0,
+    *,
+    gamma_trt_deg: float | None = None,
+    fresnel_r: float = 0.04,
+    longitudinal: str = "gaussian",
+    azimuthal: str = "wrapped_normal",
+) -> FiberScatteringParameters:
+    """A white fiber: energies sum to one at every angle."""
+    return FiberScatteringParameters(
+        *(radians(beta) for beta in betas_deg),
+        azimuthal_width_tt=radians(gamma_deg),
+        azimuthal_width_trt=None if gamma_trt_deg is None else radians(gamma_trt_deg),
+        fresnel_r=(fresnel_r,) * 3,
+        fresnel_tt=0.7,
+        longitudinal=longitudinal,
+        azimuthal=azimuthal,
+    )
+
+
+CORNERS = {
+    "narrow": gray((0.5, 1.0, 2.0), 2.0, gamma_trt_deg=5.0),
+    "wide": gray((60.0, 40.0, 20.0), 300.0, gamma_trt_deg=90.0),
+    "narrow in wide": gray((0.5, 60.0, 18.0), 20.0),
+    "von Mises": gray((1.0, 10.0, 30.0), 26.0, gamma_trt_deg=60.0, azimuthal="von_mises"),
+    "narrow von Mises": gray((6.0, 0.5, 24.0), 2.0, gamma_trt_deg=300.0, azimuthal="von_mises"),
+    "vmf": gray((6.0, 12.0, 24.0), 40.0, longitudinal="vmf"),
+    "vmf corners": gray((0.5, 60.0, 2.0), 80.0, longitudinal="vmf", azimuthal="von_mises"),
+    "series": gray((3.0, 8.0, 50.0), 81.0, gamma_trt_deg=100.0),
+}
