@@ -52,6 +52,9 @@ class Measurements:
         count = len(self.theta_i)
         if self.values.ndim != 2:
             raise InputError("measurements: values need one row per direction and one column per channel")
+        if self.channels and len(self.channels) != self.values.shape[1]:
+            named, columns = len(self.channels), self.values.shape[1]
+            raise InputError(f"measurements: {named} channels are named, but values have {columns} columns")
         for field in fields(self):
             array = getattr(self, field.name)
             if not isinstance(array, np.ndarray):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from weft.files.errors import InputError
+from weft.files.suggestions import did_you_mean as did_you_mean
 
 from .toml_source import KeyPath, Origin, TomlDocument, dotted
 
@@ -79,12 +79,3 @@ def shown(path: Path) -> str:
     absolute = os.path.abspath(path)
     here = os.getcwd()
     return os.path.relpath(absolute, here) if absolute.startswith(here.rstrip("/") + "/") else absolute
-
-
-def did_you_mean(found: str, known: Iterable[str], *, list_known: int = 12) -> str:
-    """`; did you mean 'x'?`, or the names there are where none is close and they are few."""
-    known = sorted(known)
-    close = difflib.get_close_matches(found, known, n=1, cutoff=0.6)
-    if close:
-        return f"; did you mean '{close[0]}'?"
-    return f"; there is: {', '.join(known)}" if 0 < len(known) <= list_known else ""
