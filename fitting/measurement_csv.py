@@ -1,10 +1,11 @@
 """Our .csv of measurements: `# quantity: …` and `# scale: …`, a line of column names, a row per direction.
 
 Angles stand in degrees, in the shortest of a few texts that read back to the same radians: ten decimals,
-a float64, or 21 digits where no float64 in degrees leads there (one in eight of random angles). Up to 17 digits are
-read as `np.deg2rad` of a float64, more in extended precision and rounded once. So radians survive writing
-and reading bit for bit where C has a long double wider than a double (Linux on x86-64 and ARM), and to one
-unit in the last place elsewhere. Values and sigmas are float64 in the shortest text that reads back to them.
+a float64, or 21 digits where no float64 in degrees leads there (one in eight of random angles). Up to 17
+digits are read as `np.deg2rad` of a float64, more in extended precision and rounded once. So radians
+survive writing and reading bit for bit where C has a long double wider than a double (Linux on x86-64 and
+ARM), and to one unit in the last place elsewhere. Values and sigmas are float64 in the shortest text that
+reads back to them.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def _texts(numbers: Array) -> list[str]:
 def degrees_text(radians: Array) -> list[str]:
     """Text in degrees that `radians_from` turns into these very radians."""
     exact = np.rad2deg(radians.astype(np.longdouble))
-    texts = _texts(np.round(exact.astype(np.float64), 10))
+    texts = [repr(round(float(angle), 10)) for angle in exact]
     for finer in (lambda angle: repr(float(angle)), _all_digits):
         for index in np.flatnonzero(radians_from(texts) != radians):
             texts[index] = finer(exact[index])
