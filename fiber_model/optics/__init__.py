@@ -1,0 +1,1 @@
+"""Light through one fiber by physics: the ground truth that the three lobes are fitted to."""
