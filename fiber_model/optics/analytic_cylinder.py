@@ -43,12 +43,13 @@ class SmoothCylinder:
         return 2 * p * gamma_t - 2 * np.arcsin(h) + p * np.pi
 
     def energies(self, theta_i: float) -> Array:
-        """Of R, TT, TRT and the rest, shape [4]; Gauss-Legendre over gamma_i with h = sin gamma_i."""
+        """Of R, TT, TRT and the rest (a geometric series), shape [4]; Gauss-Legendre over gamma_i."""
         nodes, weights = np.polynomial.legendre.leggauss(400)
         gamma = 0.5 * np.pi * nodes
-        a = self.attenuations(theta_i, np.sin(gamma), _MAX_ORDER)
-        by_order = a @ (0.25 * np.pi * weights * np.cos(gamma))
-        return np.array([*by_order[:3], by_order[3:].sum()])
+        a = self.attenuations(theta_i, np.sin(gamma), 4)
+        ratio = np.divide(a[3], a[2], out=np.zeros_like(gamma), where=a[2] > 0)
+        a[3] /= 1 - ratio
+        return np.asarray(a @ (0.25 * np.pi * weights * np.cos(gamma)))
 
     def azimuthal_masses(self, theta_i: float, phi_edges: Array, *, offsets: int = 200_000) -> Array:
         """Light of each order that leaves between neighboring edges (one turn, evenly spaced): [4, P].

@@ -72,7 +72,7 @@ class Outline:
     @property
     def convex(self) -> bool:
         turns = _cross(self.end_tangents, np.roll(self.start_tangents, -1, axis=0))
-        return bool((self.curvatures >= 0).all() and (turns > -1e-9).all())
+        return bool((self.curvatures * self.arc_lengths > -1e-9).all() and (turns > -1e-9).all())
 
     def points(self, per_arc: int = _POINTS_PER_ARC) -> Array:
         """Points along the outline, shape [N * (per_arc - 1), 2]."""
