@@ -132,6 +132,38 @@ def render(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions =
     _run_stage("render", job, options, how)
 
 
+@app.command(name="simulate-fiber")
+def simulate_fiber(
+    what: str,
+    /,
+    *,
+    out: Path,
+    shape: str | None = None,
+    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
+    progress: Literal["auto", "bar", "plain", "json"] = "auto",
+) -> None:
+    """Trace light through one fiber and write its far-field scattering as measurements.
+
+    Parameters
+    ----------
+    what
+        cotton, wool, silk, polyester, nylon or viscose; or a .toml file.
+    out
+        The .npz or .csv file to write.
+    shape
+        Which of the material's cross-sections. Default: the usual one.
+    overrides
+        Change one value, as in --set paths=4000000. May be given several times.
+    progress
+        How to show the work.
+    """
+    from .progress import reporter
+    from .simulate_fiber import simulate_fiber as simulate
+
+    for line in simulate(what, out, shape=shape, overrides=overrides, report=reporter(progress)):
+        print(line)
+
+
 @app.command
 def check(job: Path, *, options: JobOptions = NO_JOB_OPTIONS) -> None:
     """Say what is wrong with a job, or what it would do, without running it.

@@ -68,7 +68,6 @@ class FiberTracer:
 
         from .transport_kernels import Arc, Fiber
 
-        wp.config.quiet = True
         self._device = device
         self._seed = wp.uint32(seed_key(config.seed))
         self._fiber: Any = Fiber()

@@ -123,7 +123,7 @@ MATERIALS = {
             roughness=0.08,
             absorption_per_mm=(0.17, 0.20, 0.34),
             cross_sections={
-                "serrated": LobedConfig(radius_mm=0.0062, lobes=9, depth=0.1, flatness=0.85),
+                "serrated": LobedConfig(radius_mm=0.00646, lobes=9, depth=0.1, flatness=0.85),
                 "circle": CircleConfig(radius_mm=0.006),
             },
             note="1.7 dtex at 1.52 g/cm³, bright. The serrations run along the fiber and are its shape; what "
