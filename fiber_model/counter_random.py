@@ -1,7 +1,7 @@
 """Random numbers as a function of what they are for: pcg4d of Jarzynski and Olano 2020, without state.
 
 "Hash functions for GPU rendering", Journal of Computer Graphics Techniques 9(3). The key is (seed and
-purpose, yarn, strand, event); each key gives four words of 32 bits. Twin in Warp: `fiber_kernels.pcg4d`.
+purpose, yarn, strand, event); each key gives four words of 32 bits. Twin in Warp: `random_kernels.pcg4d`.
 """
 
 from __future__ import annotations

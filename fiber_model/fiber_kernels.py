@@ -19,6 +19,7 @@ import warp as wp
 
 from . import counter_random
 from .fiber_tables import FiberSeat, FiberTables, Stretch, YarnNode, YarnParameters
+from .random_kernels import TWO_PI, normal_pair, pcg4d, uniform
 
 wp.set_module_options({"enable_backward": False})
 
@@ -27,7 +28,6 @@ PURPOSE_LOOP = wp.constant(wp.uint32(counter_random.PURPOSE_LOOP))
 PURPOSE_HAIR_PLACE = wp.constant(wp.uint32(counter_random.PURPOSE_HAIR_PLACE))
 PURPOSE_HAIR_SHAPE = wp.constant(wp.uint32(counter_random.PURPOSE_HAIR_SHAPE))
 PURPOSE_PERTURBATION = wp.constant(wp.uint32(counter_random.PURPOSE_PERTURBATION))
-TWO_PI = wp.constant(wp.float32(6.283185307179586))
 BEND_FREE = wp.constant(wp.float32(0.8))
 """Curvature times offset up to which an offset toward the center of curvature is left alone."""
 BEND_ROOM = wp.constant(wp.float32(0.15))
@@ -61,48 +61,6 @@ class Strand:
     angle_span: wp.float32
     radius: wp.float32
     radius_span: wp.float32
-
-
-@wp.func
-def pcg4d_mix(v: wp.vec4ui) -> wp.vec4ui:
-    a = v[0] + v[1] * v[3]
-    b = v[1] + v[2] * a
-    c = v[2] + a * b
-    d = v[3] + b * c
-    return wp.vec4ui(a, b, c, d)
-
-
-@wp.func
-def pcg4d(x: wp.uint32, y: wp.uint32, z: wp.uint32, w: wp.uint32) -> wp.vec4ui:
-    """Jarzynski and Olano 2020. Twin: `counter_random.pcg4d`."""
-    multiplier = wp.uint32(1664525)
-    increment = wp.uint32(1013904223)
-    shift = wp.uint32(16)
-    v = pcg4d_mix(
-        wp.vec4ui(
-            x * multiplier + increment,
-            y * multiplier + increment,
-            z * multiplier + increment,
-            w * multiplier + increment,
-        )
-    )
-    return pcg4d_mix(
-        wp.vec4ui(
-            v[0] ^ (v[0] >> shift), v[1] ^ (v[1] >> shift), v[2] ^ (v[2] >> shift), v[3] ^ (v[3] >> shift)
-        )
-    )
-
-
-@wp.func
-def uniform(word: wp.uint32) -> wp.float32:
-    return (wp.float32(word >> wp.uint32(9)) + 0.5) * 1.1920928955078125e-07
-
-
-@wp.func
-def normal_pair(word_radius: wp.uint32, word_angle: wp.uint32) -> wp.vec2:
-    radius = wp.sqrt(-2.0 * wp.log(uniform(word_radius)))
-    angle = TWO_PI * uniform(word_angle)
-    return wp.vec2(radius * wp.cos(angle), radius * wp.sin(angle))
 
 
 @wp.func

@@ -12,7 +12,7 @@ from weft.fiber_model.cross_section import sample_cross_section
 from weft.fiber_model.fiber_arrays import YarnPlan, plan_yarn
 from weft.fiber_model.fiber_curves import strand_points
 from weft.fiber_model.fiber_kernels import keep_from_folding, open_strand, open_strand_point, strand_point
-from weft.fiber_model.fiber_kernels import pcg4d as warp_pcg4d
+from weft.fiber_model.random_kernels import pcg4d as warp_pcg4d
 from weft.fiber_model.fiber_tables import FiberTables
 from weft.fiber_model.fibers import FiberSet, run
 from weft.fiber_model.flyaways import is_loop, loop_peak, sample_hairs
