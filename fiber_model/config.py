@@ -26,6 +26,78 @@ SignedDistance = Annotated[float, Field(ge=-LARGEST_MM, le=LARGEST_MM)]
 Pitch = Annotated[SignedDistance, AfterValidator(_zero_or_a_length)]
 
 
+class VariationConfig(BaseModel):
+    """How a yarn differs from itself along its length: thickness noise, slubs, color noise."""
+
+    model_config = SETTINGS
+
+    thickness_sd: float = Field(default=0.0, ge=0, le=0.5)
+    """Standard deviation of the yarn's thickness as a part of its mean; 0.1 to 0.15 for a spun yarn."""
+    thickness_length_mm: Length = 20.0
+    """Distance along the yarn at which the correlation of thicknesses has fallen to 1/e."""
+    slubs_per_m: float = Field(default=0.0, ge=0, le=1e6)
+    """Slubs (short thick places) per meter of yarn, at random places."""
+    slub_length_mm: Length = 40.0
+    """Mean length of a slub, from where it begins to where it ends."""
+    slub_length_sd_mm: Distance = 10.0
+    """Its standard deviation."""
+    slub_thickness: float = Field(default=2.0, ge=1, le=20)
+    """Mean thickness in the middle of a slub over that of the yarn beside it."""
+    slub_thickness_sd: float = Field(default=0.3, ge=0, le=20)
+    """Its standard deviation."""
+    thick_places: Literal["more_fibers", "looser"] = "more_fibers"
+    """more_fibers: the packing stays, fibers begin and end. looser: the same fibers lie farther apart."""
+    color_sd: float = Field(default=0.0, ge=0, le=1)
+    """Standard deviation of the color's lightness along the yarn, as a part of its mean."""
+    color_length_mm: Length = 20.0
+    """Distance along the yarn at which the correlation of colors has fallen to 1/e."""
+
+
+class WalkHairsConfig(BaseModel):
+    """Hairs that wander: each step turns at random."""
+
+    model_config = SETTINGS
+
+    density_per_mm: float = Field(gt=0, le=1e6)
+    """Such hairs per mm of ply, beside the others; `fuzz` multiplies it."""
+    length_mm: Length
+    """Mean length along the hair; `fuzz` multiplies it."""
+    length_sd_mm: Distance = 0.0
+    """Its standard deviation (lengths are drawn again until they are above 0)."""
+    persistence_mm: Length
+    """Distance along the hair over which its direction is forgotten to 1/e; small is crimped."""
+
+
+class DroopHairsConfig(BaseModel):
+    """Hairs that leave the yarn in any direction and hang down."""
+
+    model_config = SETTINGS
+
+    density_per_mm: float = Field(gt=0, le=1e6)
+    """Such hairs per mm of ply, beside the others; `fuzz` multiplies it."""
+    length_mm: Length
+    """Mean length along the hair; `fuzz` multiplies it."""
+    length_sd_mm: Distance = 0.0
+    """Its standard deviation (lengths are drawn again until they are above 0)."""
+    bend_mm: float = Field(ge=1e-3, le=1e3)
+    """Distance along the hair in which it turns down by a factor e in tan(half its angle to the vertical)."""
+    down: tuple[float, float, float] = (0.0, -1.0, 0.0)
+    """Where they hang to; need not have unit length."""
+
+    @model_validator(mode="after")
+    def _down_has_a_direction(self) -> DroopHairsConfig:
+        if not max(abs(value) for value in self.down) > SMALLEST_MM:
+            raise ValueError("'down' has no direction; gravity is [0, -1, 0]")
+        return self
+
+
+Color = tuple[
+    Annotated[float, Field(ge=0, le=1)],
+    Annotated[float, Field(ge=0, le=1)],
+    Annotated[float, Field(ge=0, le=1)],
+]
+
+
 class FiberValues(BaseModel):
     """Plies, fibers and fly-aways of a yarn. Lengths in mm; a preset gives the first 24 values.
 
@@ -49,6 +121,10 @@ class FiberValues(BaseModel):
     """Length of yarn in which the fibers turn once around their ply, alpha; 0 for no twist."""
     ply_center_radius_mm: Distance
     """Distance of the ply centers from the yarn's center, R_ply (half of the fitted files' `yarn_radius`)."""
+    cords: int = Field(default=1, ge=1, le=64)
+    """Plied yarns that are twisted around each other in turn (a cabled yarn); each has `plies` plies."""
+    cord_pitch_mm: Pitch | None = None
+    """Length of yarn in which the cords turn once. Default: against the plies, and half as tight as they."""
     ellipse_long_mm: Length
     """Half axis of a ply's cross-section along the circle of ply centers, e_X."""
     ellipse_short_mm: Length
@@ -103,14 +179,22 @@ class FiberValues(BaseModel):
     """Factor on both half axes of the plies when they are set apart."""
     apart_ply_pitch_scale: float = Field(default=0.7, ge=1e-6, le=1e6)
     """Factor on the ply pitch when plies are set apart."""
-    fuzz: float = Field(default=1.0, ge=0)
-    """Factor on the number of fly-aways of both kinds; 2 to 4 reads as knitting wool."""
-    fuzz_length: float = Field(default=1.0, ge=0, le=1e6)
-    """Factor on the length of hairs: their extent along the yarn and away from the ply."""
+    fuzz: float = Field(default=1.0, ge=0, le=1e6)
+    """Factor on the number and on the length of all fly-aways; 0 for none, 2 to 3 reads as knitting wool."""
+    fuzz_length: float | None = Field(default=None, ge=0, le=1e6)
+    """Factor on the length alone, in place of `fuzz`: 1 keeps their size and changes their number."""
     perturbation: float = Field(default=0.0, ge=0, lt=1)
     """Largest random change of a fiber's radius, as a part of it; 0.125 in the original tool, 0 is none."""
     perturbation_length_mm: Length = 0.5
     """Length over which that random change varies, in mm of yarn."""
+    walk_hairs: WalkHairsConfig | None = None
+    """`[fibers.walk_hairs]`: hairs that wander at random. Default: none."""
+    droop_hairs: DroopHairsConfig | None = None
+    """`[fibers.droop_hairs]`: hairs that hang down. Default: none."""
+    variation: VariationConfig = VariationConfig()
+    """`[fibers.variation]`: slubs, thickness and color noise along the yarn. Default: none."""
+    ply_colors: tuple[Color, ...] = Field(default=(), max_length=4096)
+    """Linear RGB in 0..1 for each ply, cord after cord; the list repeats. Default: white."""
 
     segment_mm: Length | None = None
     """Longest fiber segment, measured along the yarn. Default: from `sagitta_in_fiber_radii`."""
@@ -166,4 +250,4 @@ class FibersConfig(FiberValues):
         own = self.by_type.get(name)
         if own is None:
             return self
-        return self.model_copy(update=own.model_dump(exclude_unset=True))
+        return self.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})

@@ -10,8 +10,10 @@ import numpy as np
 from .config import FibersConfig
 from .cross_section import sample_cross_section
 from .flyaways import FlyawayShape, hair_counts, probability_threshold, scaled_flyaways
+from .free_hairs import FreeHairShape, free_hair_counts, scaled_free_hairs
 from .migration import migration_phase
-from .plies import PlyShape, phase_at_nodes, ply_phase, scaled_plies, turns_along
+from .plies import PlyShape, cord_phase, phase_at_nodes, ply_phase, scaled_plies, turns_along
+from .variation import YarnPlace, lightness, thickness
 from .yarns.frames import YarnFrames
 from .yarns.yarns import YarnSet
 
@@ -25,7 +27,9 @@ class YarnPlan:
     config: FibersConfig
     plies: PlyShape
     flyaways: FlyawayShape
+    free_hairs: FreeHairShape
     ply_turns: float
+    cord_turns: float
     fiber_turns: float
     migration_turns: float
     intervals: int
@@ -33,17 +37,34 @@ class YarnPlan:
     closed: bool
 
     @property
+    def ply_count(self) -> int:
+        """Plies of all cords together."""
+        return self.config.cords * self.config.plies
+
+    @property
     def fiber_count(self) -> int:
-        """Body fibers of the yarn, all plies together."""
-        return self.config.plies * self.plies.fibers_per_ply
+        """Body fibers of the yarn where it has its own thickness, all plies together."""
+        return self.ply_count * self.plies.fibers_per_ply
+
+    @property
+    def hair_density(self) -> float:
+        """Hairs of all kinds per mm of yarn."""
+        return self.flyaways.hair_density + self.free_hairs.walk_density + self.free_hairs.droop_density
+
+    @property
+    def varies(self) -> bool:
+        """Whether thickness or color changes along the yarn."""
+        variation = self.config.variation
+        return variation.thickness_sd > 0 or variation.slubs_per_m > 0 or variation.color_sd > 0
 
     @property
     def reach(self) -> float:
-        """No body fiber, loops included, goes farther from the yarn's center than this [mm]."""
+        """No body fiber or loop goes farther from the yarn's center than this times thickness [mm]."""
         largest = max(1.0, self.config.migration_max) * (1.0 + self.config.perturbation)
         largest = max(largest, self.flyaways.loop_reach * (1.0 + self.config.perturbation))
         outward = self.plies.center_radius + largest * self.plies.short
-        return max(outward, float(np.hypot(self.plies.center_radius, largest * self.plies.long)), 0.0)
+        widest = max(outward, float(np.hypot(self.plies.center_radius, largest * self.plies.long)), 0.0)
+        return self.plies.cord_center_radius + widest
 
 
 def plan_yarn(
@@ -59,7 +80,9 @@ def plan_yarn(
         config=config,
         plies=plies,
         flyaways=scaled_flyaways(config, plies, actual_period),
+        free_hairs=scaled_free_hairs(config),
         ply_turns=turns_along(length, plies.ply_pitch, closed=closed),
+        cord_turns=turns_along(length, plies.cord_pitch, closed=closed),
         fiber_turns=fiber_turns,
         migration_turns=migration_turns,
         intervals=intervals,
@@ -89,12 +112,34 @@ def build_nodes(
     return nodes
 
 
-def build_seats(plans: list[YarnPlan], types: np.ndarray, seed: int, dtype: np.dtype) -> np.ndarray:
+def build_details(plans: list[YarnPlan], frames: YarnFrames, seed: int, dtype: np.dtype) -> np.ndarray:
+    """One record per node where any yarn varies along its length or has cords, else none."""
+    if not any(plan.varies or plan.config.cords > 1 for plan in plans):
+        return np.empty(0, dtype=dtype)
+    details = np.empty(int(frames.offsets[-1]), dtype=dtype)
+    begin_phase = cord_phase(seed, np.arange(len(plans)))
+    for yarn, plan in enumerate(plans):
+        part = slice(frames.offsets[yarn], frames.offsets[yarn + 1])
+        place = YarnPlace(yarn, plan.step * plan.intervals, plan.closed)
+        s = np.arange(plan.intervals + 1) * plan.step
+        details["thickness"][part] = thickness(seed, place, s, plan.config.variation)
+        details["lightness"][part] = lightness(seed, place, s, plan.config.variation)
+        details["cord"][part] = _on_circle(
+            phase_at_nodes(plan.cord_turns, plan.intervals) + begin_phase[yarn]
+        )
+        if plan.closed:
+            details[part.stop - 1] = details[part.start]
+    return details
+
+
+def build_seats(
+    plans: list[YarnPlan], seats_per_ply: np.ndarray, types: np.ndarray, seed: int, dtype: np.dtype
+) -> np.ndarray:
     """One record per fiber: its place in the ply's cross-section and where its migration begins.
 
     `types` is the type of each yarn; all fibers of one type are drawn together.
     """
-    counts = np.array([plan.fiber_count for plan in plans], dtype=np.int64)
+    counts = seats_per_ply * np.array([plan.ply_count for plan in plans], dtype=np.int64)
     yarn = np.repeat(np.arange(len(plans)), counts)
     fiber = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     seats = np.empty(len(yarn), dtype=dtype)
@@ -117,20 +162,42 @@ def build_seats(plans: list[YarnPlan], types: np.ndarray, seed: int, dtype: np.d
     return seats
 
 
-def build_yarns(plans: list[YarnPlan], frames: YarnFrames, dtype: np.dtype) -> np.ndarray:
+def build_colors(plans: list[YarnPlan]) -> tuple[np.ndarray, np.ndarray]:
+    """All different color lists one after the other, float32, shape [n, 3], and where each yarn's begins."""
+    lists = dict.fromkeys(plan.config.ply_colors for plan in plans)
+    starts = np.cumsum([0] + [len(colors) for colors in lists])
+    begin = dict(zip(lists, starts[:-1].tolist(), strict=True))
+    table = np.array([color for colors in lists for color in colors], dtype=np.float32).reshape(-1, 3)
+    return table, np.array([begin[plan.config.ply_colors] for plan in plans])
+
+
+def build_yarns(
+    plans: list[YarnPlan],
+    seats_per_ply: np.ndarray,
+    first_color: np.ndarray,
+    frames: YarnFrames,
+    dtype: np.dtype,
+) -> np.ndarray:
     """One record of parameters per yarn."""
     records = np.zeros(len(plans), dtype=dtype)
-    first_fiber = np.cumsum([0] + [plan.fiber_count for plan in plans])
+    detailed = any(plan.varies or plan.config.cords > 1 for plan in plans)
+    first_fiber = np.cumsum([0] + [p.ply_count * int(n) for p, n in zip(plans, seats_per_ply, strict=True)])
     for yarn, plan in enumerate(plans):
-        flyaways, config = plan.flyaways, plan.config
+        flyaways, config, free = plan.flyaways, plan.config, plan.free_hairs
         length = plan.step * plan.intervals
         values = {
             "first_node": frames.offsets[yarn],
             "first_fiber": first_fiber[yarn],
             "intervals": plan.intervals,
             "closed": plan.closed,
-            "plies": config.plies,
-            "fibers_per_ply": plan.plies.fibers_per_ply,
+            "plies": plan.ply_count,
+            "plies_per_cord": config.plies,
+            "fibers_per_ply": seats_per_ply[yarn],
+            "detailed": detailed,
+            "cords": config.cords,
+            "cord_radius": plan.plies.cord_center_radius,
+            "first_color": first_color[yarn],
+            "colors": len(config.ply_colors),
             "step": plan.step,
             "center_radius": plan.plies.center_radius,
             "ellipse_short": plan.plies.short,
@@ -148,13 +215,18 @@ def build_yarns(plans: list[YarnPlan], frames: YarnFrames, dtype: np.dtype) -> n
             "hair_root_limit": flyaways.hair_root_limit,
             "perturbation": config.perturbation,
             "perturbation_cells": max(round(length / config.perturbation_length_mm), 1),
+            "walk_length": free.walk_length,
+            "persistence": free.persistence,
+            "droop_length": free.droop_length,
+            "droop_bend": free.bend,
+            "down": free.down,
         }
         for name, value in values.items():
             records[name][yarn] = value
     return records
 
 
-def build_stretches(plans: list[YarnPlan], seed: int, dtype: np.dtype) -> np.ndarray:
+def build_stretches(plans: list[YarnPlan], details: np.ndarray, seed: int, dtype: np.dtype) -> np.ndarray:
     """One record per stretch, yarn after yarn; the last stretch of a yarn may be shorter."""
     size = plans[0].config.stretch_segments if plans else 1
     intervals = np.array([plan.intervals for plan in plans], dtype=np.int64)
@@ -164,9 +236,43 @@ def build_stretches(plans: list[YarnPlan], seed: int, dtype: np.dtype) -> np.nda
     stretches = np.empty(len(yarn), dtype=dtype)
     stretches["yarn"], stretches["number"], stretches["first"] = yarn, number, number * size
     stretches["segments"] = np.minimum(size, intervals[yarn] - number * size)
-    hairs_per_segment = np.array([plan.flyaways.hair_density * plan.step for plan in plans])
-    stretches["hairs"] = hair_counts(seed, yarn, number, hairs_per_segment[yarn] * stretches["segments"])
+    stretches["fibers_per_ply"] = _fibers_of_stretches(plans, stretches, details)
+    arcs, walks, droops = (
+        np.array([density * plan.step for plan, density in zip(plans, densities, strict=True)])
+        for densities in (
+            [plan.flyaways.hair_density for plan in plans],
+            [plan.free_hairs.walk_density for plan in plans],
+            [plan.free_hairs.droop_density for plan in plans],
+        )
+    )
+    segments = stretches["segments"]
+    stretches["hairs"] = hair_counts(seed, yarn, number, arcs[yarn] * segments)
+    free = free_hair_counts(seed, yarn, number, walks[yarn] * segments, droops[yarn] * segments)
+    stretches["walks"], stretches["droops"] = free
+    stretches["hairs"] += stretches["walks"] + stretches["droops"]
     return stretches
+
+
+def _fibers_of_stretches(plans: list[YarnPlan], stretches: np.ndarray, details: np.ndarray) -> np.ndarray:
+    """Fibers per ply in each stretch: as many as its mean section asks for, or always the same."""
+    own = np.array([plan.plies.fibers_per_ply for plan in plans])[stretches["yarn"]]
+    follows = np.array([plan.config.variation.thick_places == "more_fibers" for plan in plans])
+    if not len(details):
+        return own
+    first_node = (
+        np.cumsum([0] + [plan.intervals + 1 for plan in plans])[stretches["yarn"]] + stretches["first"]
+    )
+    ends = np.stack([first_node, first_node + stretches["segments"] + 1], axis=1).ravel()
+    square = np.append(details["thickness"].astype(np.float64) ** 2, 0.0)
+    section = np.add.reduceat(square, ends)[::2] / (stretches["segments"] + 1)
+    return np.where(follows[stretches["yarn"]], np.maximum(np.round(own * section), 1), own).astype(np.int64)
+
+
+def seats_per_ply(plans: list[YarnPlan], stretches: np.ndarray) -> np.ndarray:
+    """Most fibers that a ply of each yarn has anywhere, int64, shape [yarn_count]."""
+    most = np.zeros(len(plans), dtype=np.int64)
+    np.maximum.at(most, stretches["yarn"], stretches["fibers_per_ply"])
+    return most
 
 
 def tangent_derivative(tangent: np.ndarray, step: float, *, closed: bool) -> np.ndarray:

@@ -20,6 +20,8 @@ FIELDS: dict[str, tuple[type, int]] = {
     "fiber_radius_mm": (np.float32, 1),
 }
 """Type and number of dimensions of each array."""
+OPTIONAL_FIELDS: dict[str, tuple[type, int]] = {"color": (np.float32, 2)}
+"""The same of what a file may lack."""
 
 
 def read_curves(path: str | Path) -> FiberCurves:
@@ -31,12 +33,13 @@ def read_curves(path: str | Path) -> FiberCurves:
             missing = [name for name in FIELDS if name not in archive.files]
             if missing:
                 raise InputError(f"holds no curves of fibers: '{missing[0]}' is missing", path=path)
-            arrays = {name: archive[name] for name in FIELDS}
+            fields = FIELDS | {n: kind for n, kind in OPTIONAL_FIELDS.items() if n in archive.files}
+            arrays = {name: archive[name] for name in fields}
     except InputError:
         raise
     except Exception as error:  # damaged archives make zipfile and numpy raise nearly anything
         raise InputError("is not a readable .npz file; is it damaged?", path=path) from error
-    for name, (kind, dimensions) in FIELDS.items():
+    for name, (kind, dimensions) in fields.items():
         if arrays[name].dtype != kind or arrays[name].ndim != dimensions:
             what = f"'{name}' is {arrays[name].dtype} of {arrays[name].ndim} dimensions"
             raise InputError(f"{what}; need {np.dtype(kind)} of {dimensions}", path=path)
@@ -63,6 +66,13 @@ def _check(curves: FiberCurves, path: Path) -> None:
     for name in ("ply", "yarn", "fiber_radius_mm"):
         if len(getattr(curves, name)) != count:
             raise InputError(f"'{name}' has {len(getattr(curves, name))} values; need {count}", path=path)
+    if curves.color is not None:
+        if curves.color.shape != points.shape:
+            raise InputError(
+                f"colors have shape {list(curves.color.shape)}; need {list(points.shape)}", path=path
+            )
+        if not (np.isfinite(curves.color) & (curves.color >= 0)).all():
+            raise InputError("a color is not a number of at least 0", path=path)
     if not np.isfinite(points).all():
         curve = int(np.searchsorted(offsets, np.argmin(np.isfinite(points).all(axis=1)), side="right")) - 1
         raise InputError(f"curve {curve} has a point that is not finite", path=path)

@@ -12,6 +12,7 @@ import numpy as np
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
+from .fiber_colors import has_colors
 from .fibers import FiberSet
 
 POINT_LIMIT = 100_000_000
@@ -47,6 +48,8 @@ class FiberCurves:
     """int32, shape [curve_count]."""
     fiber_radius_mm: np.ndarray
     """float32, shape [curve_count]."""
+    color: np.ndarray | None = None
+    """Linear RGB of each point where the fibers have colors, float32, shape [point_count, 3]."""
 
     @property
     def curve_count(self) -> int:
@@ -64,14 +67,18 @@ class StrandPoints:
     """0 body, 1 within a loop, 2 hair; uint8, shape [point_count]."""
     offsets: np.ndarray
     """First point of each stretch, int64, shape [stretch_count + 1]."""
+    color: np.ndarray | None = None
+    """Linear RGB where the fibers have colors, float32, shape [point_count, 3]."""
 
 
 def strand_points(fiber_set: FiberSet, stretches: np.ndarray, *, device: str = "cpu") -> StrandPoints:
     """Make all strands of the stretches with these indices."""
     import warp as wp
 
+    from .color_kernels import colors_kernel
     from .strand_kernels import points_kernel
 
+    tables = fiber_set.tables(device)
     counts = fiber_set.stretch_point_counts()[stretches]
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     points = wp.empty(int(offsets[-1]), dtype=wp.vec3, device=device)
@@ -81,10 +88,14 @@ def strand_points(fiber_set: FiberSet, stretches: np.ndarray, *, device: str = "
     wp.launch(
         points_kernel,
         len(stretches),
-        inputs=[fiber_set.tables(device), chosen, begin, points, kinds],
+        inputs=[tables, chosen, begin, points, kinds],
         device=device,
     )
-    return StrandPoints(points.numpy(), kinds.numpy(), offsets)
+    if not has_colors(fiber_set):
+        return StrandPoints(points.numpy(), kinds.numpy(), offsets)
+    colors = wp.empty(int(offsets[-1]), dtype=wp.vec3, device=device)
+    wp.launch(colors_kernel, len(stretches), inputs=[tables, chosen, begin, colors], device=device)
+    return StrandPoints(points.numpy(), kinds.numpy(), offsets, colors.numpy())
 
 
 def export_curves(
@@ -137,45 +148,76 @@ def _consecutive(fiber_set: FiberSet, stretches: np.ndarray) -> Iterator[slice]:
 def _curves_of_run(
     fiber_set: FiberSet, stretches: np.ndarray, made: StrandPoints, run: slice, selection: FiberSelection
 ) -> Iterator[FiberCurves]:
-    """The body fibers of consecutive stretches as whole curves, then their hairs."""
+    """The body fibers of consecutive stretches as whole curves, then their hairs.
+
+    Fibers that are there in the same stretches make one block: where a yarn keeps its thickness, all of them.
+    """
     records = fiber_set.stretches[stretches]
     yarn = int(records["yarn"][0])
-    body = int(fiber_set.yarns["plies"][yarn] * fiber_set.yarns["fibers_per_ply"][yarn])
-    radius = fiber_set.fiber_radius_mm[fiber_set.yarn_type[yarn]]
-    points, kinds, hairs, hair_kinds = [], [], [], []
-    for place, record in zip(range(run.start, run.stop), records, strict=True):
-        part = slice(made.offsets[place], made.offsets[place + 1])
-        nodes = int(record["segments"]) + 1
-        keep = nodes if place == run.stop - 1 else nodes - 1  # the next stretch repeats the last point
-        points.append(made.points[part][: body * nodes].reshape(body, nodes, 3)[:, :keep])
-        kinds.append(made.kind[part][: body * nodes].reshape(body, nodes)[:, :keep])
-        hairs.append(made.points[part][body * nodes :])
-        hair_kinds.append(made.kind[part][body * nodes :])
-    joined, joined_kinds = np.concatenate(points, axis=1), np.concatenate(kinds, axis=1)
+    present = records["fibers_per_ply"]
+    ends = np.unique(present).tolist()
+    for low, high in pairwise([0, *ends]):
+        there = np.flatnonzero(present >= high)
+        for part in np.split(there, np.flatnonzero(np.diff(there) != 1) + 1):
+            yield from _body_curves(
+                fiber_set, records[part], made, run.start + int(part[0]), (low, high), selection
+            )
+    length = fiber_set.config.hair_segments + 1
+    hair_points = np.concatenate(
+        [
+            np.arange(made.offsets[place + 1] - hairs * length, made.offsets[place + 1])
+            for place, hairs in zip(
+                range(run.start, run.stop), records["hairs"].astype(np.int64), strict=True
+            )
+        ]
+    )
+    index = hair_points.reshape(-1, length)
+    yield _equal_curves(fiber_set, made, index, np.full(len(index), -1), yarn)
+
+
+def _body_curves(
+    fiber_set: FiberSet,
+    records: np.ndarray,
+    made: StrandPoints,
+    begin: int,
+    seats: tuple[int, int],
+    selection: FiberSelection,
+) -> Iterator[FiberCurves]:
+    """The fibers with these seats of all plies, through consecutive stretches, from `begin` in `made` on."""
+    yarn = int(records["yarn"][0])
+    plies = int(fiber_set.yarns["plies"][yarn])
+    pieces = []
+    for number, record in enumerate(records):
+        nodes, fibers = int(record["segments"]) + 1, int(record["fibers_per_ply"])
+        first = made.offsets[begin + number] + np.arange(plies * fibers).reshape(plies, fibers) * nodes
+        # the next stretch repeats the last point
+        keep = nodes if number == len(records) - 1 else nodes - 1
+        pieces.append(first[:, seats[0] : seats[1]].reshape(-1, 1) + np.arange(keep))
+    index = np.concatenate(pieces, axis=1)
     if selection.arc_length_mm is not None:
-        step, first = float(fiber_set.yarns["step"][yarn]), int(records["first"][0])
-        begin = max(int(np.floor(selection.arc_length_mm[0] / step)) - first, 0)
-        end = max(int(np.ceil(selection.arc_length_mm[1] / step)) - first + 1, begin)
-        joined, joined_kinds = joined[:, begin:end], joined_kinds[:, begin:end]
-    ply = np.arange(body) // int(fiber_set.yarns["fibers_per_ply"][yarn])
-    yield _equal_curves(joined, joined_kinds, ply, yarn, radius)
-    hair_points = np.concatenate(hairs).reshape(-1, fiber_set.config.hair_segments + 1, 3)
-    no_ply = np.full(len(hair_points), -1)
-    yield _equal_curves(hair_points, np.concatenate(hair_kinds), no_ply, yarn, radius)
+        step, first_node = float(fiber_set.yarns["step"][yarn]), int(records["first"][0])
+        low = max(int(np.floor(selection.arc_length_mm[0] / step)) - first_node, 0)
+        high = max(int(np.ceil(selection.arc_length_mm[1] / step)) - first_node + 1, low)
+        index = index[:, low:high]
+    ply = np.repeat(np.arange(plies), seats[1] - seats[0])
+    yield _equal_curves(fiber_set, made, index, ply, yarn)
 
 
 def _equal_curves(
-    points: np.ndarray, kind: np.ndarray, ply: np.ndarray, yarn: int, radius: float
+    fiber_set: FiberSet, made: StrandPoints, index: np.ndarray, ply: np.ndarray, yarn: int
 ) -> FiberCurves:
-    """Curves of one yarn with equally many points, shape [curve_count, n, 3]."""
-    count, nodes = points.shape[:2]
+    """Curves of one yarn with equally many points; `index` of each point, shape [curve_count, n]."""
+    count, nodes = index.shape
+    flat = index.ravel()
+    radius = fiber_set.fiber_radius_mm[fiber_set.yarn_type[yarn]]
     return FiberCurves(
-        points=points.reshape(-1, 3),
-        kind=kind.reshape(-1),
+        points=made.points[flat],
+        kind=made.kind[flat],
         offsets=np.arange(count + 1, dtype=np.int64) * nodes,
         ply=ply.astype(np.int32),
         yarn=np.full(count, yarn, dtype=np.int32),
         fiber_radius_mm=np.full(count, radius, dtype=np.float32),
+        color=None if made.color is None else made.color[flat],
     )
 
 
@@ -192,7 +234,13 @@ def _join(pieces: list[FiberCurves]) -> FiberCurves:
         fiber_radius_mm=np.concatenate(
             [np.empty(0, np.float32), *(piece.fiber_radius_mm for piece in pieces)]
         ),
+        color=_joined_colors(pieces),
     )
+
+
+def _joined_colors(pieces: list[FiberCurves]) -> np.ndarray | None:
+    colors = [piece.color for piece in pieces if piece.color is not None]
+    return np.concatenate(colors) if colors else None
 
 
 def _cut_to_box(curves: FiberCurves, box_mm: tuple[tuple[float, ...], tuple[float, ...]]) -> FiberCurves:
@@ -216,11 +264,12 @@ def _cut_to_box(curves: FiberCurves, box_mm: tuple[tuple[float, ...], tuple[floa
         ply=curves.ply[owner],
         yarn=curves.yarn[owner],
         fiber_radius_mm=curves.fiber_radius_mm[owner],
+        color=None if curves.color is None else curves.color[point],
     )
 
 
 def write_curves(curves: FiberCurves, path: str | Path) -> None:
-    """Write .npz (all fields by name) or .obj (polylines, grouped by yarn)."""
+    """Write .npz (all fields by name) or .obj (polylines, grouped by yarn, without colors)."""
     path = Path(path)
     writers = {".npz": _write_npz, ".obj": _write_obj}
     if path.suffix not in writers:
@@ -233,7 +282,8 @@ def write_curves(curves: FiberCurves, path: str | Path) -> None:
 
 def _write_npz(curves: FiberCurves, path: Path) -> None:
     with open(path, "wb") as file:
-        np.savez_compressed(file, allow_pickle=False, units=np.array("mm"), **vars(curves))
+        fields = {name: value for name, value in vars(curves).items() if value is not None}
+        np.savez_compressed(file, allow_pickle=False, units=np.array("mm"), **fields)
 
 
 def _write_obj(curves: FiberCurves, path: Path) -> None:

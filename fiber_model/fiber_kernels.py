@@ -17,8 +17,10 @@ from __future__ import annotations
 
 import warp as wp
 
-from . import counter_random
-from .fiber_tables import FiberSeat, FiberTables, Stretch, YarnNode, YarnParameters
+from . import counter_random, free_hairs
+from .fiber_tables import FiberSeat, FiberTables, Stretch, YarnParameters
+from .free_hair_kernels import droop_point, free_hair_length, leaving_direction, uniform_direction, walk_point
+from .place_kernels import blend_details, blend_nodes, place_in_cord, place_in_ply, turn
 from .random_kernels import TWO_PI, normal_pair, pcg4d, uniform
 
 wp.set_module_options({"enable_backward": False})
@@ -28,10 +30,12 @@ PURPOSE_LOOP = wp.constant(wp.uint32(counter_random.PURPOSE_LOOP))
 PURPOSE_HAIR_PLACE = wp.constant(wp.uint32(counter_random.PURPOSE_HAIR_PLACE))
 PURPOSE_HAIR_SHAPE = wp.constant(wp.uint32(counter_random.PURPOSE_HAIR_SHAPE))
 PURPOSE_PERTURBATION = wp.constant(wp.uint32(counter_random.PURPOSE_PERTURBATION))
-BEND_FREE = wp.constant(wp.float32(0.8))
-"""Curvature times offset up to which an offset toward the center of curvature is left alone."""
-BEND_ROOM = wp.constant(wp.float32(0.15))
-"""What is left above that: offsets are squeezed into it, so curvature times offset stays below 0.95."""
+PURPOSE_WALK = wp.constant(wp.uint32(counter_random.PURPOSE_WALK))
+PURPOSE_DROOP = wp.constant(wp.uint32(counter_random.PURPOSE_DROOP))
+FREE_ROOT = wp.constant(wp.float32(free_hairs.ROOT))
+ARC_HAIR = wp.constant(1)
+WALK_HAIR = wp.constant(2)
+DROOP_HAIR = wp.constant(3)
 
 
 @wp.struct
@@ -39,12 +43,15 @@ class Strand:
     """One strand within a stretch, ready to give points. Hairs use the second half."""
 
     is_hair: wp.int32
+    """0 for a body fiber, else ARC_HAIR, WALK_HAIR or DROOP_HAIR."""
     yarn: wp.int32
     fiber: wp.int32
     first: wp.int32
     segments: wp.int32
     ply: wp.vec2
-    """Angle of its ply against ply 0."""
+    """Angle of its ply against ply 0 of its cord."""
+    cord: wp.vec2
+    """Angle of its cord against cord 0."""
     seat: FiberSeat
     period: wp.int32
     """Migration period where it begins."""
@@ -61,12 +68,13 @@ class Strand:
     angle_span: wp.float32
     radius: wp.float32
     radius_span: wp.float32
-
-
-@wp.func
-def turn(phase: wp.vec2, by: wp.vec2) -> wp.vec2:
-    """Cosine and sine of the sum of two angles given by theirs."""
-    return wp.vec2(phase[0] * by[0] - phase[1] * by[1], phase[1] * by[0] + phase[0] * by[1])
+    root: wp.vec3
+    """Where a free hair begins; the second half of its own."""
+    direction: wp.vec3
+    length: wp.float32
+    stretch: wp.int32
+    """Number of its stretch, and which hair it is there."""
+    hair: wp.int32
 
 
 @wp.func
@@ -149,30 +157,6 @@ def perturbation_factor(
 
 
 @wp.func
-def keep_from_folding(offset: wp.vec3, bend: wp.vec3) -> wp.vec3:
-    """Squeeze an offset that nears the center of curvature, where the fibers of a tight bend would fold over.
-
-    Smooth and one to one: curvature times offset d becomes 0.8 + 0.15 (1 - exp(-(d - 0.8) / 0.15)) above 0.8.
-    """
-    reach = wp.dot(bend, offset)
-    if reach <= BEND_FREE:
-        return offset
-    kept = BEND_FREE + BEND_ROOM * (1.0 - wp.exp((BEND_FREE - reach) / BEND_ROOM))
-    return offset - bend * ((reach - kept) / wp.dot(bend, bend))
-
-
-@wp.func
-def place_in_ply(part: wp.vec2, ply: wp.vec2, yarn: YarnParameters, node: YarnNode) -> wp.vec3:
-    """World position of a point of the ply's unit disc. Twin: `plies.place_in_ply`."""
-    outward = yarn.center_radius + yarn.ellipse_short * part[0]
-    sideways = yarn.ellipse_long * part[1]
-    offset = node.normal * (ply[0] * outward - ply[1] * sideways) + node.binormal * (
-        ply[1] * outward + ply[0] * sideways
-    )
-    return node.position + keep_from_folding(offset, node.bend)
-
-
-@wp.func
 def body_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
     """Node `k` of a body fiber, loops included."""
     yarn = tables.yarns[strand.yarn]
@@ -186,24 +170,53 @@ def body_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
     radius = low + 0.5 * (peak - low) * (migration[0] + 1.0)
     if yarn.perturbation > 0.0:
         radius = radius * perturbation_factor(tables.seed, yarn, strand.yarn, strand.fiber, index)
-    return place_in_ply(turn(node.twist, strand.seat.angle) * radius, turn(node.ply, strand.ply), yarn, node)
+    part = turn(node.twist, strand.seat.angle) * radius
+    ply = turn(node.ply, strand.ply)
+    if yarn.detailed != 0:
+        detail = tables.details[yarn.first_node + index]
+        return place_in_cord(part, ply, strand.cord, detail, yarn, node)
+    return place_in_ply(part, ply, yarn, node)
 
 
 @wp.func
-def blend_nodes(a: YarnNode, b: YarnNode, t: wp.float32) -> YarnNode:
-    """The yarn between two nodes, linear in all that hairs use."""
-    node = YarnNode()
-    node.position = wp.lerp(a.position, b.position, t)
-    node.normal = wp.lerp(a.normal, b.normal, t)
-    node.binormal = wp.lerp(a.binormal, b.binormal, t)
-    node.bend = wp.lerp(a.bend, b.bend, t)
-    node.ply = wp.lerp(a.ply, b.ply, t)
-    return node
+def place_between_nodes(
+    tables: FiberTables, strand: Strand, first: wp.int32, t: wp.float32, part: wp.vec2
+) -> wp.vec3:
+    """World position of a point of the strand's ply, at a part of the way from one node to the next."""
+    yarn = tables.yarns[strand.yarn]
+    node = blend_nodes(tables.nodes[first], tables.nodes[first + 1], t)
+    ply = turn(node.ply, strand.ply)
+    if yarn.detailed != 0:
+        detail = blend_details(tables.details[first], tables.details[first + 1], t)
+        return place_in_cord(part, ply, strand.cord, detail, yarn, node)
+    return place_in_ply(part, ply, yarn, node)
 
 
 @wp.func
 def hair_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
-    """Point `k` of a hair (equation 11)."""
+    """Point `k` of a hair: an arc (equation 11), a walk or a droop."""
+    if strand.is_hair == ARC_HAIR:
+        return arc_point(tables, strand, k)
+    yarn = tables.yarns[strand.yarn]
+    if strand.is_hair == DROOP_HAIR:
+        s = strand.length * wp.float32(k) / wp.float32(strand.segments)
+        return droop_point(strand.root, strand.direction, s, yarn.droop_bend, yarn.down)
+    return walk_point(
+        tables.seed,
+        wp.uint32(strand.yarn),
+        wp.uint32(strand.stretch),
+        wp.uint32(strand.hair),
+        strand.root,
+        strand.direction,
+        strand.length / wp.float32(strand.segments),
+        yarn.persistence,
+        k,
+    )
+
+
+@wp.func
+def arc_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
+    """Point `k` of a hair of equation 11."""
     yarn = tables.yarns[strand.yarn]
     t = strand.extent * wp.float32(k) / wp.float32(strand.segments)
     along = strand.start + strand.run * t
@@ -216,17 +229,71 @@ def hair_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
     else:
         index = wp.clamp(index, 0, yarn.intervals - 1)
         whole = wp.float32(index - strand.first)
-    first = yarn.first_node + index
-    node = blend_nodes(tables.nodes[first], tables.nodes[first + 1], along - whole)
     angle = strand.angle + strand.angle_span * t
     radius = strand.radius + strand.radius_span * t
     part = wp.vec2(wp.cos(angle), wp.sin(angle)) * radius
-    return place_in_ply(part, turn(node.ply, strand.ply), yarn, node)
+    return place_between_nodes(tables, strand, yarn.first_node + index, along - whole, part)
+
+
+@wp.func
+def angle_of_one_in(index: wp.int32, count: wp.int32) -> wp.vec2:
+    """Cosine and sine of the angle of one of `count` things around a circle."""
+    angle = TWO_PI * wp.float32(index) / wp.float32(count)
+    return wp.vec2(wp.cos(angle), wp.sin(angle))
 
 
 @wp.func
 def open_hair(tables: FiberTables, stretch: Stretch, hair: wp.int32) -> Strand:
-    """Draw the shape of a hair. Twin: `flyaways.sample_hairs`."""
+    """Draw the shape of a hair; those of equation 11 come first, then walks, then droops."""
+    arcs = stretch.hairs - stretch.walks - stretch.droops
+    if hair < arcs:
+        return open_arc(tables, stretch, hair)
+    if hair < arcs + stretch.walks:
+        return open_free_hair(tables, stretch, hair - arcs, WALK_HAIR)
+    return open_free_hair(tables, stretch, hair - arcs - stretch.walks, DROOP_HAIR)
+
+
+@wp.func
+def open_free_hair(tables: FiberTables, stretch: Stretch, hair: wp.int32, kind: wp.int32) -> Strand:
+    """Draw a walk or a droop. Twin: `free_hairs.sample_free_hairs`."""
+    yarn = tables.yarns[stretch.yarn]
+    purpose = tables.seed + PURPOSE_WALK
+    length = yarn.walk_length
+    if kind == DROOP_HAIR:
+        purpose = tables.seed + PURPOSE_DROOP
+        length = yarn.droop_length
+    y = wp.uint32(stretch.yarn)
+    z = wp.uint32(stretch.number)
+    w = wp.uint32(hair)
+    place = pcg4d(purpose, y, z, w)
+    words = pcg4d(purpose + wp.uint32(1), y, z, w)
+    strand = Strand()
+    strand.is_hair = kind
+    strand.yarn = stretch.yarn
+    strand.stretch = stretch.number
+    strand.hair = hair
+    strand.segments = tables.hair_segments
+    strand.first = stretch.first
+    ply = wp.min(wp.int32(uniform(place[2]) * wp.float32(yarn.plies)), yarn.plies - 1)
+    strand.fiber = ply * yarn.fibers_per_ply
+    strand.ply = angle_of_one_in(ply % yarn.plies_per_cord, yarn.plies_per_cord)
+    strand.cord = angle_of_one_in(ply // yarn.plies_per_cord, yarn.cords)
+    strand.start = uniform(place[0]) * wp.float32(stretch.segments)
+    along = wp.min(wp.int32(strand.start), stretch.segments - 1)
+    first = yarn.first_node + stretch.first + along
+    t = strand.start - wp.float32(along)
+    angle = TWO_PI * uniform(place[1])
+    part = wp.vec2(wp.cos(angle), wp.sin(angle)) * FREE_ROOT
+    strand.root = place_between_nodes(tables, strand, first, t, part)
+    outward = wp.normalize(strand.root - place_between_nodes(tables, strand, first, t, wp.vec2(0.0, 0.0)))
+    strand.direction = leaving_direction(outward, uniform_direction(words[0], words[1]))
+    strand.length = free_hair_length(purpose, y, z, w, length)
+    return strand
+
+
+@wp.func
+def open_arc(tables: FiberTables, stretch: Stretch, hair: wp.int32) -> Strand:
+    """Draw the shape of a hair of equation 11. Twin: `flyaways.sample_hairs`."""
     yarn = tables.yarns[stretch.yarn]
     y = wp.uint32(stretch.yarn)
     z = wp.uint32(stretch.number)
@@ -245,14 +312,14 @@ def open_hair(tables: FiberTables, stretch: Stretch, hair: wp.int32) -> Strand:
             if radius_span <= 0.0:
                 radius_span = yarn.hair_radius_span[0] + yarn.hair_radius_span[1] * normal[1]
     strand = Strand()
-    strand.is_hair = 1
+    strand.is_hair = ARC_HAIR
     strand.yarn = stretch.yarn
     strand.first = stretch.first
     strand.segments = tables.hair_segments
     ply = wp.min(wp.int32(uniform(place[2]) * wp.float32(yarn.plies)), yarn.plies - 1)
     strand.fiber = ply * yarn.fibers_per_ply
-    ply_angle = TWO_PI * wp.float32(ply) / wp.float32(yarn.plies)
-    strand.ply = wp.vec2(wp.cos(ply_angle), wp.sin(ply_angle))
+    strand.ply = angle_of_one_in(ply % yarn.plies_per_cord, yarn.plies_per_cord)
+    strand.cord = angle_of_one_in(ply // yarn.plies_per_cord, yarn.cords)
     strand.start = uniform(place[0]) * wp.float32(stretch.segments)
     strand.run = (yarn.hair_z_span[0] + yarn.hair_z_span[1] * span_normal[1]) / yarn.step
     strand.extent = hair_extent(strand.start, strand.run, stretch.first, yarn)
@@ -281,18 +348,22 @@ def open_strand(tables: FiberTables, stretch_index: wp.int32, strand_index: wp.i
     """Prepare one strand of a stretch: body fibers come first, then the hairs that begin in it."""
     stretch = tables.stretches[stretch_index]
     yarn = tables.yarns[stretch.yarn]
-    body = yarn.plies * yarn.fibers_per_ply
+    body = yarn.plies * stretch.fibers_per_ply
     if strand_index >= body:
         return open_hair(tables, stretch, strand_index - body)
+    ply = strand_index // stretch.fibers_per_ply
     strand = Strand()
     strand.is_hair = 0
     strand.yarn = stretch.yarn
-    strand.fiber = strand_index
+    strand.fiber = ply * yarn.fibers_per_ply + strand_index - ply * stretch.fibers_per_ply
     strand.first = stretch.first
     strand.segments = stretch.segments
-    angle = TWO_PI * wp.float32(strand_index // yarn.fibers_per_ply) / wp.float32(yarn.plies)
-    strand.ply = wp.vec2(wp.cos(angle), wp.sin(angle))
-    strand.seat = tables.seats[yarn.first_fiber + strand_index]
+    strand.ply = angle_of_one_in(ply % yarn.plies_per_cord, yarn.plies_per_cord)
+    if yarn.cords > 1:
+        strand.cord = angle_of_one_in(ply // yarn.plies_per_cord, yarn.cords)
+    else:
+        strand.cord = wp.vec2(1.0, 0.0)
+    strand.seat = tables.seats[yarn.first_fiber + strand.fiber]
     if yarn.loops != 0:
         seat = strand.seat
         strand.period = migration_period(yarn, seat, strand.first)
@@ -314,7 +385,7 @@ def strand_count(tables: FiberTables, stretch: wp.int32) -> wp.int32:
     """Strands of a stretch: its body fibers, then its hairs."""
     piece = tables.stretches[stretch]
     yarn = tables.yarns[piece.yarn]
-    return yarn.plies * yarn.fibers_per_ply + piece.hairs
+    return yarn.plies * piece.fibers_per_ply + piece.hairs
 
 
 @wp.func
@@ -322,7 +393,7 @@ def strand_segment_count(tables: FiberTables, stretch: wp.int32, strand: wp.int3
     """Segments of one strand of a stretch."""
     piece = tables.stretches[stretch]
     yarn = tables.yarns[piece.yarn]
-    if strand < yarn.plies * yarn.fibers_per_ply:
+    if strand < yarn.plies * piece.fibers_per_ply:
         return piece.segments
     return tables.hair_segments
 

@@ -33,10 +33,11 @@ class FiberReport:
     segment_mm: float
     """Longest segment, measured along the yarn."""
     body_fiber_count: int
-    """Body fibers of all yarns."""
+    """Body fibers of all yarns, each counted where it has most of them."""
     body_fiber_length_mm: float
-    """Fibers per yarn times yarn length: without twist, crimp and hairs."""
+    """Number of body fibers times length of yarn: without twist, crimp and hairs."""
     hair_count: int
+    """Hairs of all kinds."""
     folded_node_count: int
     """Nodes where curvature times the plies' radius passes 1: the inner fibers are squeezed."""
     radius_ratio: tuple[float, float]
@@ -46,27 +47,41 @@ class FiberReport:
     warnings: tuple[str, ...] = ()
 
 
-def report_fibers(plans: list[YarnPlan], yarns: YarnSet, bend: np.ndarray, hair_count: int) -> FiberReport:
+def report_fibers(
+    plans: list[YarnPlan], yarns: YarnSet, bend: np.ndarray, details: np.ndarray, stretches: np.ndarray
+) -> FiberReport:
     """Sum up what was planned; `bend` is the tangent's derivative [1/mm], shape [node_count, 3]."""
     lengths = np.array([plan.step * plan.intervals for plan in plans])
-    counts = np.array([plan.fiber_count for plan in plans])
-    radius = np.array([plan.plies.center_radius + plan.plies.short for plan in plans])
+    plies, step = (np.array([getattr(plan, key) for plan in plans]) for key in ("ply_count", "step"))
+    of_stretch = plies[stretches["yarn"]] * stretches["fibers_per_ply"].astype(np.int64)
+    fibers = np.zeros(len(plans), dtype=np.int64)
+    np.maximum.at(fibers, stretches["yarn"], of_stretch)
+    body_length = of_stretch * stretches["segments"] * step[stretches["yarn"]]
+    radius = np.array([_outer_radius(plan) for plan in plans])
     ratios = yarns.radius / np.array([fitted_outer_radius(plan.config) for plan in plans])
     at_node = np.repeat(radius, [plan.intervals + 1 for plan in plans])
+    if len(details):
+        at_node = at_node * details["thickness"]
     folded = int((np.linalg.norm(bend, axis=1) * at_node > 1.0).sum())
     demand = max(plan.flyaways.loop_demand for plan in plans)
     return FiberReport(
         yarn_length_mm=float(lengths.sum()),
         node_count=len(bend),
         segment_mm=max(plan.step for plan in plans),
-        body_fiber_count=int(counts.sum()),
-        body_fiber_length_mm=float((lengths * counts).sum()),
-        hair_count=hair_count,
+        body_fiber_count=int(fibers.sum()),
+        body_fiber_length_mm=float(body_length.sum()),
+        hair_count=int(stretches["hairs"].sum()),
         folded_node_count=folded,
         radius_ratio=(float(ratios.min()), float(ratios.max())),
         loop_demand=demand,
         warnings=tuple(_warnings(plans, ratios, folded, demand)),
     )
+
+
+def _outer_radius(plan: YarnPlan) -> float:
+    """Where the plies touch the yarn's surface [mm]."""
+    plies = plan.plies
+    return plies.cord_center_radius + plies.center_radius + plies.short
 
 
 def _warnings(plans: list[YarnPlan], ratios: np.ndarray, folded: int, demand: float) -> list[str]:
@@ -104,7 +119,11 @@ def segment_length(config: FibersConfig, yarn_radius: float) -> float:
         return config.segment_mm
     plies = scaled_plies(config, yarn_radius)
     curvature = 0.5 / yarn_radius
-    for radius, pitch in ((plies.center_radius, plies.ply_pitch), (plies.mean_radius, plies.fiber_pitch)):
+    for radius, pitch in (
+        (plies.center_radius, plies.ply_pitch),
+        (plies.mean_radius, plies.fiber_pitch),
+        (plies.cord_center_radius, plies.cord_pitch),
+    ):
         if pitch != 0:
             rate = 2.0 * np.pi / pitch
             curvature += radius * rate**2 / (1.0 + (radius * rate) ** 2)
@@ -141,11 +160,14 @@ def refuse_too_many_nodes(yarns: YarnSet, segment_mm: float) -> None:
         )
 
 
-def refuse_too_many_fibers(plans: list[YarnPlan]) -> None:
+def refuse_too_many_fibers(plans: list[YarnPlan], details: np.ndarray) -> None:
     """Before anything is allocated per fiber."""
-    fibers = sum(plan.fiber_count for plan in plans)
-    most = max(plan.fiber_count for plan in plans)
-    hairs = max(plan.flyaways.hair_density * plan.step * plan.config.stretch_segments for plan in plans)
+    counts = np.array([float(plan.fiber_count) for plan in plans])
+    if len(details):
+        first = np.cumsum([0] + [plan.intervals + 1 for plan in plans])[:-1]
+        counts *= np.maximum(np.maximum.reduceat(details["thickness"].astype(np.float64), first), 1.0) ** 2
+    fibers, most = counts.sum(), counts.max()
+    hairs = max(plan.hair_density * plan.step * plan.config.stretch_segments for plan in plans)
     if fibers > SEAT_LIMIT or most > STRAND_LIMIT or hairs > STRAND_LIMIT:
         raise InputError(
             f"fibers: {fibers:.3g} fibers in all, up to {most:.3g} in one yarn and {hairs:.3g} hairs in one "

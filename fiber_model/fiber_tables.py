@@ -32,6 +32,18 @@ class YarnNode:
 
 
 @wp.struct
+class NodeDetail:
+    """What a node has besides where a yarn varies along its length or has cords."""
+
+    thickness: wp.float32
+    """Factor on all offsets from the yarn's center."""
+    lightness: wp.float32
+    """Factor on the color."""
+    cord: wp.vec2
+    """Angle of cord 0 as (cosine, sine)."""
+
+
+@wp.struct
 class YarnParameters:
     """What is one value for a whole yarn."""
 
@@ -40,7 +52,18 @@ class YarnParameters:
     closed: wp.int32
     first_fiber: wp.int32
     plies: wp.int32
+    """Plies of all cords together."""
+    plies_per_cord: wp.int32
     fibers_per_ply: wp.int32
+    """Seats of a ply; a stretch may have fewer fibers."""
+    detailed: wp.int32
+    """Whether the yarn's nodes have a `NodeDetail`."""
+    cords: wp.int32
+    cord_radius: wp.float32
+    """Distance of the cords' centers from the yarn's center."""
+    first_color: wp.int32
+    colors: wp.int32
+    """How many colors its plies take in turn; 0 for white."""
     step: wp.float32
     """Length of yarn per segment."""
     center_radius: wp.float32
@@ -63,6 +86,11 @@ class YarnParameters:
     perturbation: wp.float32
     perturbation_cells: wp.int32
     """Lattice cells of the perturbation in the whole yarn."""
+    walk_length: wp.vec2
+    persistence: wp.float32
+    droop_length: wp.vec2
+    droop_bend: wp.float32
+    down: wp.vec3
 
 
 @wp.struct
@@ -86,7 +114,12 @@ class Stretch:
     first: wp.int32
     """Its first node, counted from the yarn's."""
     segments: wp.int32
+    fibers_per_ply: wp.int32
+    """Fibers of each ply that are there, the first ones."""
     hairs: wp.int32
+    """Hairs of all kinds that begin in it: those of equation 11 come first, then walks, then droops."""
+    walks: wp.int32
+    droops: wp.int32
 
 
 @wp.struct
@@ -99,6 +132,9 @@ class FiberTables:
     yarns: wp.array(dtype=YarnParameters)
     seats: wp.array(dtype=FiberSeat)
     stretches: wp.array(dtype=Stretch)
+    details: wp.array(dtype=NodeDetail)
+    """Of all nodes, or nothing where no yarn is detailed."""
+    colors: wp.array(dtype=wp.vec3)
 
 
 RECORDS: dict[str, Any] = {
@@ -106,6 +142,7 @@ RECORDS: dict[str, Any] = {
     "yarns": YarnParameters,
     "seats": FiberSeat,
     "stretches": Stretch,
+    "details": NodeDetail,
 }
 
 
@@ -117,4 +154,5 @@ def to_device(seed: int, hair_segments: int, device: str, **arrays: Any) -> Fibe
     for name, struct in RECORDS.items():
         copy = not wp.get_device(device).is_cpu
         setattr(tables, name, wp.array(arrays[name], dtype=struct, device=device, copy=copy))
+    tables.colors = wp.array(arrays["colors"], dtype=wp.vec3, device=device)
     return tables

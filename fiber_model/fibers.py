@@ -14,7 +14,17 @@ import numpy as np
 
 from .config import FibersConfig
 from .counter_random import seed_key
-from .fiber_arrays import build_nodes, build_seats, build_stretches, build_yarns, plan_yarn, yarn_configs
+from .fiber_arrays import (
+    build_colors,
+    build_details,
+    build_nodes,
+    build_seats,
+    build_stretches,
+    build_yarns,
+    plan_yarn,
+    seats_per_ply,
+    yarn_configs,
+)
 from .fiber_report import (
     FiberReport,
     refuse_empty_yarns,
@@ -49,7 +59,7 @@ class FiberSet:
     yarn_type: np.ndarray
     """Type of each yarn, int32, shape [yarn_count]."""
     yarn_reach_mm: np.ndarray
-    """No body fiber goes farther from its yarn's center than this, float64, shape [yarn_count]."""
+    """No body fiber goes farther from its yarn's center than this times thickness, float64, [yarn_count]."""
     report: FiberReport
     nodes: np.ndarray
     """`fiber_tables.YarnNode` records, all yarns."""
@@ -59,6 +69,10 @@ class FiberSet:
     """`fiber_tables.FiberSeat` records, all body fibers."""
     stretches: np.ndarray
     """`fiber_tables.Stretch` records."""
+    details: np.ndarray
+    """`fiber_tables.NodeDetail` records of all nodes, or none where no yarn varies or has cords."""
+    colors: np.ndarray
+    """Colors of plies, linear RGB, float32, shape [n, 3]; see `fiber_colors.ply_color`."""
 
     @property
     def stretch_count(self) -> int:
@@ -71,8 +85,8 @@ class FiberSet:
 
     def stretch_strand_counts(self) -> np.ndarray:
         """Strands of each stretch, body fibers and hairs, int32, shape [stretch_count]."""
-        body = self.yarns["plies"] * self.yarns["fibers_per_ply"]
-        return (body[self.stretches["yarn"]] + self.stretches["hairs"]).astype(np.int32)
+        body = self.yarns["plies"][self.stretches["yarn"]] * self.stretches["fibers_per_ply"]
+        return (body + self.stretches["hairs"]).astype(np.int32)
 
     def stretch_point_counts(self) -> np.ndarray:
         """Points of all strands of each stretch, int64, shape [stretch_count]."""
@@ -106,6 +120,9 @@ class FiberSet:
         pairs = np.stack([first, after], axis=1).ravel()
         position = np.concatenate([self.nodes["position"], self.nodes["position"][-1:]])
         reach = self.yarn_reach_mm[self.stretches["yarn"]][:, None]
+        if len(self.details):
+            thickness = np.append(self.details["thickness"], np.float32(0.0))
+            reach = reach * np.maximum.reduceat(thickness, pairs)[::2, None]
         low = np.minimum.reduceat(position, pairs, axis=0)[::2] - reach
         high = np.maximum.reduceat(position, pairs, axis=0)[::2] + reach
         return np.stack([low, high], axis=1).astype(np.float32)
@@ -122,6 +139,8 @@ class FiberSet:
             yarns=self.yarns,
             seats=self.seats,
             stretches=self.stretches,
+            details=self.details,
+            colors=self.colors,
         )
 
     def fiber_lengths_mm(self, device: str = "cpu") -> np.ndarray:
@@ -152,21 +171,26 @@ def run(config: FibersConfig, yarns: YarnSet, *, progress: Progress | None = Non
             configs, yarns.radius, frames.length, frames.interval_counts, frames.closed, strict=True
         )
     ]
-    refuse_too_many_fibers(plans)
     seed, records = seed_key(config.seed), _record_types()
+    details = build_details(plans, frames, seed, records["details"])
+    refuse_too_many_fibers(plans, details)
     nodes = build_nodes(plans, frames, seed, records["nodes"], progress)
-    stretches = build_stretches(plans, seed, records["stretches"])
+    stretches = build_stretches(plans, details, seed, records["stretches"])
+    seats = seats_per_ply(plans, stretches)
+    colors, first_color = build_colors(plans)
     return FiberSet(
         config=config,
         type_names=yarns.type_names,
         fiber_radius_mm=tuple(config.for_type(name).fiber_radius_mm for name in yarns.type_names),
         yarn_type=yarns.yarn_type.astype(np.int32),
         yarn_reach_mm=np.array([plan.reach for plan in plans]),
-        report=report_fibers(plans, yarns, nodes["bend"], int(stretches["hairs"].sum())),
+        report=report_fibers(plans, yarns, nodes["bend"], details, stretches),
         nodes=nodes,
-        yarns=build_yarns(plans, frames, records["yarns"]),
-        seats=build_seats(plans, yarns.yarn_type, seed, records["seats"]),
+        yarns=build_yarns(plans, seats, first_color, frames, records["yarns"]),
+        seats=build_seats(plans, seats, yarns.yarn_type, seed, records["seats"]),
         stretches=stretches,
+        details=details,
+        colors=colors,
     )
 
 

@@ -67,17 +67,24 @@ def scaled_flyaways(config: FibersConfig, plies: PlyShape, period: float) -> Fly
     """The fly-aways of a yarn whose plies are `plies` and whose migration period is `period` [mm].
 
     With fit_radius, distances grow with the ply and lengths along the yarn with the yarn; the number per mm
-    of ply stays as fitted, times `fuzz`.
+    of ply stays as fitted. `fuzz` multiplies that number and the length: of a hair its extent along the yarn
+    and away from the ply, of a loop what its peak stands off the ply's border.
     """
     size = np.sqrt(config.ellipse_long_mm * config.ellipse_short_mm)
     sd = config.flyaway_sd_factor
     demand = config.fuzz * config.loop_density_per_mm * period / plies.fibers_per_ply
-    reach, along = config.fuzz_length / size, config.fuzz_length * plies.scale
+    longer = config.fuzz if config.fuzz_length is None else config.fuzz_length
+    reach, along = longer / size, longer * plies.scale
+    loop = config.loop_radius_mm / size
     return FlyawayShape(
         loop_probability=min(demand, 1.0),
         loop_demand=demand,
-        loop_radius=(config.loop_radius_mm / size, sd * config.loop_radius_sd_mm / size),
-        hair_density=config.fuzz * config.hair_density_per_mm * config.plies,
+        # written so that a factor of 1 changes no bit
+        loop_radius=(
+            loop + max(loop - 1.0, 0.0) * (longer - 1.0),
+            sd * config.loop_radius_sd_mm / size * longer,
+        ),
+        hair_density=config.fuzz * config.hair_density_per_mm * (config.cords * config.plies),
         hair_radius=(config.hair_radius_mm / size, sd * config.hair_radius_sd_mm / size),
         hair_radius_span=(config.hair_radius_span_mm * reach, sd * config.hair_radius_span_sd_mm * reach),
         hair_angle_span=_radians(config.hair_angle_span_deg, sd * config.hair_angle_span_sd_deg),

@@ -22,10 +22,18 @@ def curves(**changed):
     return FiberCurves(**(fields | changed))
 
 
-def test_what_was_written_is_read(tmp_path):
-    write_curves(curves(), tmp_path / "f.npz")
+COLOR = np.linspace(0, 1, 15, dtype=np.float32).reshape(5, 3)
+
+
+@pytest.mark.parametrize("color", [None, COLOR])
+def test_what_was_written_is_read(tmp_path, color):
+    written = curves(color=color)
+    write_curves(written, tmp_path / "f.npz")
     found = read_curves(tmp_path / "f.npz")
-    for name, value in vars(curves()).items():
+    assert (found.color is None) == (color is None)
+    for name, value in vars(written).items():
+        if value is None:
+            continue
         assert np.array_equal(getattr(found, name), value)
         assert getattr(found, name).dtype == value.dtype
 
@@ -40,6 +48,9 @@ def test_what_was_written_is_read(tmp_path):
         ({"offsets": np.array([0, 5, 5])}, "offsets must rise"),
         ({"offsets": np.array([], np.int64)}, "offsets must rise"),
         ({"offsets": np.array([1, 3, 5])}, "offsets must rise"),
+        ({"color": COLOR[:4]}, r"colors have shape \[4, 3\]; need \[5, 3\]"),
+        ({"color": COLOR.astype(np.float64)}, "'color' is float64"),
+        ({"color": np.full((5, 3), np.nan, np.float32)}, "a color is not a number"),
         ({"ply": np.zeros(3, np.int32)}, "'ply' has 3 values; need 2"),
         ({"fiber_radius_mm": np.array([0.0, 1.0], np.float32)}, "radius is not a positive number"),
     ],

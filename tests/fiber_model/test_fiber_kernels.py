@@ -11,13 +11,14 @@ from weft.fiber_model.counter_random import pcg4d, seed_key, uniform_single
 from weft.fiber_model.cross_section import sample_cross_section
 from weft.fiber_model.fiber_arrays import YarnPlan, plan_yarn
 from weft.fiber_model.fiber_curves import strand_points
-from weft.fiber_model.fiber_kernels import keep_from_folding, open_strand, open_strand_point, strand_point
-from weft.fiber_model.random_kernels import pcg4d as warp_pcg4d
+from weft.fiber_model.fiber_kernels import open_strand, open_strand_point, strand_point
 from weft.fiber_model.fiber_tables import FiberTables
 from weft.fiber_model.fibers import FiberSet, run
 from weft.fiber_model.flyaways import is_loop, loop_peak, sample_hairs
 from weft.fiber_model.migration import migration_period_index, migration_phase, migration_radius
+from weft.fiber_model.place_kernels import keep_from_folding
 from weft.fiber_model.plies import phase_at_nodes, place_in_ply, ply_phase
+from weft.fiber_model.random_kernels import pcg4d as warp_pcg4d
 from weft.fiber_model.yarns.frames import YarnFrames, build_frames
 from weft.fiber_model.yarns.yarns import YarnSet
 

@@ -102,14 +102,29 @@ def test_hairs_begin_inside_their_ply(fiber_config) -> None:
 
 
 def test_fuzz_scales_number_and_length(fiber_config) -> None:
-    plain, fuzzy = (
-        _plan(fiber_config("cotton2", fuzz=f, fuzz_length=g)).flyaways for f, g in ((1.0, 1.0), (3.0, 2.0))
-    )
+    """One factor for both; a loop's length is what it stands off the border of its ply."""
+    plain, fuzzy = (_plan(fiber_config("cotton2", fuzz=f)).flyaways for f in (1.0, 3.0))
     assert fuzzy.hair_density == pytest.approx(3 * plain.hair_density)
-    assert fuzzy.loop_probability == pytest.approx(3 * plain.loop_probability)
-    assert fuzzy.hair_z_span[0] == pytest.approx(2 * plain.hair_z_span[0])
-    assert fuzzy.hair_radius_span[0] == pytest.approx(2 * plain.hair_radius_span[0])
+    assert fuzzy.loop_demand == pytest.approx(3 * plain.loop_demand)
+    for name in ("hair_z_span", "hair_radius_span"):
+        assert getattr(fuzzy, name) == pytest.approx([3 * v for v in getattr(plain, name)])
+    assert fuzzy.loop_radius[0] - 1 == pytest.approx(3 * (plain.loop_radius[0] - 1))
+    assert fuzzy.loop_radius[1] == pytest.approx(3 * plain.loop_radius[1])
     assert fuzzy.hair_radius == plain.hair_radius
+
+
+def test_the_length_can_be_kept_from_following_fuzz(fiber_config) -> None:
+    plain, many = (
+        _plan(fiber_config("cotton2", **v)).flyaways for v in ({}, {"fuzz": 3.0, "fuzz_length": 1})
+    )
+    assert many.hair_density == pytest.approx(3 * plain.hair_density)
+    for name in ("hair_z_span", "hair_radius_span", "loop_radius"):
+        assert getattr(many, name) == getattr(plain, name)
+
+
+def test_fuzz_of_zero_leaves_no_flyaway(fiber_config, straight_yarn) -> None:
+    curves = export_curves(run(fiber_config("cotton2", fuzz=0.0), straight_yarn(10.0)))
+    assert (curves.kind == 0).all()
 
 
 def test_no_fuzz_is_no_fuzz() -> None:
