@@ -1,9 +1,10 @@
-"""The fiber settings and the nine presets."""
+"""The fiber settings and the presets."""
 
 from __future__ import annotations
 
 import csv
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -58,10 +59,19 @@ def test_presets_are_the_published_values_in_millimeters(preset, fiber_config, s
     assert config.flyaway_sd_factor == 0.5
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", [*PRESETS, "wool1"])
 def test_plies_and_fibers_turn_in_opposite_directions(preset, fiber_config) -> None:
     config = fiber_config(preset)
     assert config.ply_pitch_mm * config.fiber_pitch_mm < 0
+
+
+@pytest.mark.parametrize(("preset", "tex"), [("wool1", 71.4), ("linen1", 50.0)])
+def test_estimated_yarns_have_the_weight_that_they_say(preset, tex, fiber_config) -> None:
+    """Grams per kilometer, from the number of fibers, their section and the density of wool and flax."""
+    config = fiber_config(preset)
+    grams_per_mm3 = {"wool1": 1.31e-3, "linen1": 1.50e-3}[preset]
+    section = config.plies * config.fibers_per_ply * np.pi * config.fiber_radius_mm**2
+    assert section * grams_per_mm3 * 1e6 == pytest.approx(tex, rel=0.02)
 
 
 def test_a_forgotten_preset_is_one_clear_line() -> None:

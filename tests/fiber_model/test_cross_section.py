@@ -8,7 +8,11 @@ from scipy import integrate
 
 from weft.fiber_model.cross_section import cross_section_density, radius_cdf, sample_cross_section
 
-PRESETS = ["cotton1", "cotton2", "polyester1", "rayon1", "rayon2", "rayon3", "rayon4", "silk1", "silk2"]
+ALL = (
+    *("cotton1", "cotton2", "polyester1", "rayon1", "rayon2", "rayon3", "rayon4", "silk1", "silk2"),
+    *("wool1", "linen1"),
+)
+"""Every preset: nine fitted yarns and two estimated ones."""
 COUNT = 100_000
 
 
@@ -21,7 +25,7 @@ def _cdf_by_quadrature(radius: float, epsilon: float, beta: float) -> float:
     return integrate.quad(mass, 0, radius)[0] / integrate.quad(mass, 0, 1)[0]
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", ALL)
 def test_sampled_radii_follow_the_density(preset: str, fiber_config) -> None:
     config = fiber_config(preset)
     shape = {"epsilon": config.cross_section_epsilon, "beta": config.cross_section_beta}

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from weft.fiber_model.fiber_curves import FiberSelection, export_curves
 from weft.fiber_model.fibers import run
 from weft.fiber_model.migration import migration_period_index, migration_radius
+
+ALL = (
+    *("cotton1", "cotton2", "polyester1", "rayon1", "rayon2", "rayon3", "rayon4", "silk1", "silk2"),
+    *("wool1", "linen1"),
+)
+"""Every preset: nine fitted yarns and two estimated ones."""
 
 
 def test_amplitude_is_exact() -> None:
@@ -21,11 +28,15 @@ def test_periods_run_from_minimum_to_minimum() -> None:
     assert migration_period_index(np.array([-0.49, 0.0, 0.49, 0.51, 1.2])).tolist() == [0, 0, 0, 1, 1]
 
 
-def test_generated_fibers_migrate_with_the_set_period_and_amplitude(fiber_config, straight_yarn) -> None:
+@pytest.mark.parametrize("preset", ALL)
+def test_generated_fibers_migrate_with_the_set_period_and_amplitude(
+    preset, fiber_config, straight_yarn
+) -> None:
     """One untwisted ply in the middle of the yarn: a fiber's distance from the center is its radius."""
     config = fiber_config(
-        "rayon2", plies=1, scale="as_fitted", ply_center_radius_mm=0.0, ellipse_long_mm=0.1,
-        ellipse_short_mm=0.1, fuzz=0.0, fiber_count_scale=1.0, segment_mm=0.01,
+        preset, plies=1, scale="as_fitted", ply_center_radius_mm=0.0, ellipse_long_mm=0.1,
+        ellipse_short_mm=0.1, fuzz=0.0, fibers_per_ply=20, fiber_count_scale=1.0,
+        segment_mm=0.01, variation={},
     )  # fmt: skip
     period = abs(config.fiber_pitch_mm) / config.migration_per_turn
     fiber_set = run(config, straight_yarn(8 * period, 0.1))

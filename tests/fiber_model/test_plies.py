@@ -15,6 +15,12 @@ from weft.fiber_model.plies import (
     turns_along,
 )
 
+ALL = (
+    *("cotton1", "cotton2", "polyester1", "rayon1", "rayon2", "rayon3", "rayon4", "silk1", "silk2"),
+    *("wool1", "linen1"),
+)
+"""Every preset: nine fitted yarns and two estimated ones."""
+
 
 def _cross_sections(fiber_set) -> np.ndarray:
     """Body fibers of a straight yarn along x as complex numbers, shape [fiber_count, node_count]."""
@@ -25,16 +31,17 @@ def _cross_sections(fiber_set) -> np.ndarray:
     return across.reshape(fiber_set.report.body_fiber_count, -1)
 
 
-def test_plies_turn_with_arc_length(fiber_config, straight_yarn) -> None:
-    """Untwisted fibers: the whole cross-section of three plies turns as one by 2 pi s / pitch."""
-    config = fiber_config("cotton1", fiber_pitch_mm=0.0, fuzz=0.0)
+@pytest.mark.parametrize("preset", ALL)
+def test_plies_turn_with_arc_length(preset, fiber_config, straight_yarn) -> None:
+    """Untwisted fibers: the whole cross-section of all plies turns as one by 2 pi s / pitch."""
+    config = fiber_config(preset, fiber_pitch_mm=0.0, fuzz=0.0, fiber_count_scale=1.0, variation={})
     fiber_set = run(config, straight_yarn(30.0))
     pitch = scaled_plies(config, 1.0).ply_pitch
     section = _cross_sections(fiber_set)
     angle = np.angle((section * section[:, :1].conj()).sum(axis=0))
     s = np.arange(section.shape[1]) * float(fiber_set.yarns["step"][0])
     s *= 30.0 / s[-1]
-    error = np.angle(np.exp(1j * (angle - 2 * np.pi * s / pitch)))
+    error = np.angle(np.exp(1j * (angle - (2 * np.pi * s / pitch if pitch else 0))))
     assert np.abs(error).max() < 1e-6
 
 
