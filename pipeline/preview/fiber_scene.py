@@ -1,4 +1,7 @@
-"""Fibers as tubes of their radius, colored by ply; loops and hairs, the fly-aways, in colors of their own."""
+"""Fibers as tubes of their radius, in their own colors where they have some.
+
+Else colored by ply; loops and hairs, the fly-aways, in colors of their own.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +58,7 @@ def fiber_scene(
         points=curves.points[index],
         offsets=offsets,
         radius=curves.fiber_radius_mm[curve[offsets[:-1]]],
-        color=point_colors(curves.ply[curve], curves.kind[index]),
+        color=_colors_of(curves, curve, index),
         sides=8 if len(index) < MANY_POINTS else 5,
     )
     bounds = part.bounds_of(tubes.points)
@@ -65,8 +68,24 @@ def fiber_scene(
         layers=(tubes,),
         bounds=bounds,
         notes=notes,
-        legend=_legend(curves.ply[curve], curves.kind[index]),
+        legend=_legend(curves.ply[curve], curves.kind[index])
+        if curves.color is None
+        else _legend_of_own(curves.ply[curve], tubes.color),
     )
+
+
+def _colors_of(curves: FiberCurves, curve: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """The fibers' own colors where they have some, else colors that tell plies and fly-aways apart."""
+    if curves.color is None:
+        return point_colors(curves.ply[curve], curves.kind[index])
+    return own_colors(curves.color[index])
+
+
+def own_colors(linear: np.ndarray) -> np.ndarray:
+    """Linear RGB, shape [n, 3], as the levels of a screen, uint8; what is above 1 is cut."""
+    from weft.renderer.image import srgb
+
+    return np.round(255.0 * srgb(linear)).astype(np.uint8)
 
 
 def point_colors(ply: np.ndarray, kind: np.ndarray) -> np.ndarray:
@@ -140,4 +159,13 @@ def _legend(ply: np.ndarray, kind: np.ndarray) -> tuple[tuple[str, Color], ...]:
         entries.append(("loop fly-aways", LOOP_COLOR))
     if (kind == HAIR).any():
         entries.append(("hair fly-aways", HAIR_COLOR))
+    return tuple(entries)
+
+
+def _legend_of_own(ply: np.ndarray, color: np.ndarray) -> tuple[tuple[str, Color], ...]:
+    """The plies that are there in the middle of their colors, which may vary along the yarn."""
+    entries = []
+    for i in np.unique(ply[ply >= 0]).tolist():
+        red, green, blue = np.median(color[ply == i], axis=0).astype(int).tolist()
+        entries.append((f"ply {i + 1}", (red, green, blue)))
     return tuple(entries)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -177,6 +178,16 @@ def test_plies_and_fly_aways_have_colors_of_their_own():
     assert colors == {color for _, color in scene.legend}
     assert len(colors) == 5
     assert "19 fibers and 1 hair, 200 mm" in scene.title
+
+
+def test_fibers_are_drawn_in_their_own_colors():
+    """Linear 0.5 and 1 (and more) are 188 and 255 on a screen."""
+    plain = curves()
+    color = np.tile(np.float32([0.0, 0.5, 1.5]), (len(plain.points), 1))
+    color[np.repeat(plain.ply, 50) == 1] = [1.0, 0.0, 0.0]
+    scene = fiber_scene.fiber_scene("f", dataclasses.replace(plain, color=color))
+    assert {tuple(c) for c in drawn(scene).color.tolist()} == {(0, 188, 255), (255, 0, 0)}
+    assert scene.legend == (("ply 1", (0, 188, 255)), ("ply 2", (255, 0, 0)), ("ply 3", (0, 188, 255)))
 
 
 def test_a_job_of_many_fibers_is_made_in_part_only(tmp_path):
