@@ -14,8 +14,7 @@ from typing import Any
 
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
-
-from .json_file import read_json
+from weft.files.json_file import read_json
 
 FORMAT = "weft run record"
 FORMAT_VERSION = 1

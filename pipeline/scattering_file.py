@@ -12,8 +12,7 @@ from typing import Any
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
-
-from .json_file import read_json
+from weft.files.json_file import read_json
 
 FORMAT = "weft scattering parameters"
 FORMAT_VERSION = 1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from dataclasses import asdict
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
@@ -75,6 +76,17 @@ class LobesConfig(BaseModel):
     """Shape along the fiber: gaussian (Khungurn et al. 2015) or vmf (d'Eon et al. 2011)."""
     azimuthal: Literal["wrapped_normal", "von_mises"] = "wrapped_normal"
     """Shape around the fiber, of the lobes that are not uniform."""
+
+    @classmethod
+    def from_parameters(cls, parameters: FiberScatteringParameters) -> Self:
+        """The table of a parameter set. Angles agree to rounding; colors and fractions exactly."""
+        values = {
+            (f"{name}_deg" if "_width_" in name else name): (
+                math.degrees(value) if "_width_" in name and value is not None else value
+            )
+            for name, value in asdict(parameters).items()
+        }
+        return cls(**values)
 
     def to_parameters(self) -> FiberScatteringParameters:
         around_trt = self.azimuthal_width_trt_deg
