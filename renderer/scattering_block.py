@@ -18,8 +18,10 @@ from weft.fiber_model.scattering.longitudinal import gaussian_normalization
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.fiber_model.scattering.phase import longitudinal_widths
 
+from .symmetric_table import TABLE_ROWS, symmetric_table, table_constants_glsl
+
 NORMALIZATION_TERMS = 8
-GAUSSIAN, VMF = 0.0, 1.0
+KINDS = {"gaussian": 0.0, "vmf": 1.0, "symmetric": 2.0}
 UNIFORM, WRAPPED_IMAGES, WRAPPED_SERIES, VON_MISES = 0.0, 1.0, 2.0, 3.0
 WIDEST_IMAGE_SUM = 1.4
 """gamma [rad] up to which three Gaussians give the wrapped normal to 1e-9; beyond, four cosines do."""
@@ -29,8 +31,8 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
     ("energy_r", 1, "rgb: C_R"),
     ("energy_tt", 1, "rgb: C_TT T"),
     ("energy_trt", 1, "rgb: C_TRT (1 - T)"),
-    ("width", 1, "beta [rad]; w: longitudinal kind, 0 gaussian, 1 vmf"),
-    ("peak", 1, "scale of M before G(theta_o)"),
+    ("width", 1, "beta [rad]; w: longitudinal kind, 0 gaussian, 1 vmf, 2 symmetric"),
+    ("peak", 1, "scale of M before G(theta_o); w: of the grazing part of a symmetric R"),
     ("norm_constant", 1, "G = norm_constant + norm_cos2 cos^2 - tail(theta_o)"),
     ("norm_cos2", 1, ""),
     (
@@ -45,6 +47,7 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
         1,
         "same; kind: 0 uniform, 1 wrapped normal (images), 2 (series), 3 von Mises",
     ),
+    ("table", 1, "x: the medium's first row of fiber_table[], for symmetric"),
 )
 FLOATS_PER_MEDIUM = 4 * sum(count for _, count, _ in FIELDS)
 BLOCK_SHADER = Path(__file__).parent / "shaders" / "phase" / "fiber_block.glsl"
@@ -62,37 +65,48 @@ def fiber_block_glsl() -> str:
         array = f"[{count}]" if count > 1 else ""
         comment = f"  // {meaning}" if meaning else ""
         lines.append(f"    vec4 {name}{array};{comment}")
-    return "\n".join([*lines, "};"]) + "\n"
+    return "\n".join([*lines, "};", "", *table_constants_glsl()]) + "\n"
 
 
 def pack_scattering(media: Sequence[FiberScatteringParameters]) -> NDArray[np.float32]:
     """One row of floats per medium, [medium_count, FLOATS_PER_MEDIUM], for a buffer of FiberScattering."""
     rows = np.zeros((len(media), FLOATS_PER_MEDIUM), dtype=np.float32)
+    table_row = 0
     for row, parameters in zip(rows, media, strict=True):
-        values = block_values(parameters)
+        values = block_values(parameters) | {"table": np.array([[table_row, 0.0, 0.0, 0.0]])}
+        table_row += TABLE_ROWS * (parameters.longitudinal == "symmetric")
         row[:] = np.concatenate([values[name].ravel() for name, _, _ in FIELDS])
     return rows
+
+
+def pack_symmetric_tables(media: Sequence[FiberScatteringParameters]) -> NDArray[np.float32]:
+    """Rows of fiber_table[], [TABLE_ROWS x symmetric media, 4], in the order of the media."""
+    tables = [symmetric_table(one) for one in media if one.longitudinal == "symmetric"]
+    return np.concatenate([np.zeros((0, 4)), *tables]).astype(np.float32)
 
 
 def block_values(parameters: FiberScatteringParameters) -> dict[str, Row]:
     """The fields by name, each [count, 4] in float64."""
     t = parameters.fresnel_tt
     betas = np.array(longitudinal_widths(parameters))
-    vmf = parameters.longitudinal == "vmf"
+    kind = parameters.longitudinal
     values = {
         "fresnel_r": _vec4(parameters.fresnel_r),
         "energy_r": _vec4(parameters.color_r),
         "energy_tt": _vec4(np.multiply(parameters.color_tt, t)),
         "energy_trt": _vec4(np.multiply(parameters.color_trt, 1 - t)),
-        "width": _vec4(betas, VMF if vmf else GAUSSIAN),
+        "width": _vec4(betas, KINDS[kind]),
         "around_tt": _azimuthal(parameters.azimuthal, parameters.azimuthal_width_tt),
         "around_trt": _azimuthal(parameters.azimuthal, parameters.azimuthal_width_trt),
     }
-    if vmf:
-        peak = 1 / (betas**2 * -np.expm1(-2 / betas**2))
-        nothing = {name: np.zeros((count, 4)) for name, count, _ in FIELDS if name.startswith("norm_")}
-        return values | nothing | {"peak": _vec4(peak), "norm_constant": np.ones((1, 4))}
-    return values | _gaussian_constants(betas)
+    if kind == "gaussian":
+        return values | _gaussian_constants(betas)
+    nothing = {name: np.zeros((count, 4)) for name, count, _ in FIELDS if name.startswith("norm_")}
+    if kind == "vmf":
+        peak = _vec4(1 / (betas**2 * -np.expm1(-2 / betas**2)))
+    else:
+        peak = _vec4(1 / (betas * np.sqrt(2 * np.pi)), 1 / (betas[0] * np.sqrt(2 * np.pi)))
+    return values | nothing | {"peak": peak, "norm_constant": np.ones((1, 4))}
 
 
 def _vec4(xyz: Sequence[float] | Row, w: float = 0.0) -> Row:

@@ -17,7 +17,7 @@ from .camera import CameraFrame, place_camera
 from .config import RenderConfig
 from .gpu.shader_source import Constant
 from .lights import LightTable, build_light_table
-from .scattering_block import pack_scattering
+from .scattering_block import pack_scattering, pack_symmetric_tables
 
 SHADOW_ROULETTE = 0.4
 """Transmittance below which a shadow ray survives by roulette (shaders/path/segments.glsl)."""
@@ -134,8 +134,20 @@ def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scatterin
     if isotropic:
         albedo = np.array([[*one.albedo, 0.0] for one in isotropic], np.float32)
         return PhaseTable("path/phase_isotropic.glsl", _block("vec4"), albedo, {})
-    block = '#include "phase/fiber_block.glsl"\n' + _block("FiberScattering")
-    return PhaseTable("path/phase_fiber.glsl", block, pack_scattering(fibers), {"MEDIUM_COUNT": len(fibers)})
+    return _fiber_phase_table(fibers)
+
+
+def _fiber_phase_table(fibers: list[FiberScatteringParameters]) -> PhaseTable:
+    """The media, then the tables of the symmetric ones: one buffer, since OpenGL 4.3 promises eight in all."""
+    tables = pack_symmetric_tables(fibers)
+    constants = {"MEDIUM_COUNT": len(fibers), "FIBER_SYMMETRIC": int(len(tables) > 0)}
+    block = (
+        '#include "phase/fiber_block.glsl"\n#constant MEDIUM_COUNT\n'
+        "layout(std430, binding = 6) readonly buffer PhaseMedia {\n"
+        "    FiberScattering phase_media[MEDIUM_COUNT];\n    vec4 fiber_table[];\n};\n"
+    )
+    packed = np.concatenate([pack_scattering(fibers).ravel(), tables.ravel()])
+    return PhaseTable("path/phase_fiber.glsl", block, packed, constants)
 
 
 def _block(struct: str) -> str:

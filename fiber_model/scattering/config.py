@@ -7,7 +7,6 @@ from dataclasses import asdict
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic_core import PydanticCustomError
 
 from .parameters import FiberScatteringParameters
 
@@ -21,15 +20,6 @@ def _none_for_uniform(value: Any) -> Any:
     return None if value == "uniform" else value
 
 
-def _without_symmetric(value: Any) -> Any:
-    if value == "symmetric":
-        raise PydanticCustomError(
-            "not_built",
-            "the reciprocal kind 'symmetric' is not built yet (issue 5 adds it); use 'gaussian' or 'vmf'",
-        )
-    return value
-
-
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Color = Annotated[
     tuple[Fraction, Fraction, Fraction],
@@ -41,7 +31,6 @@ AzimuthalWidthOrUniform = Annotated[
     AzimuthalWidth | None,
     BeforeValidator(_none_for_uniform, json_schema_input_type=AzimuthalWidth | Literal["uniform"]),
 ]
-Longitudinal = Annotated[Literal["gaussian", "vmf"], BeforeValidator(_without_symmetric)]
 
 
 class LobesConfig(BaseModel):
@@ -72,8 +61,9 @@ class LobesConfig(BaseModel):
     """Color of light that passed through the fiber once, C_TT: the dye."""
     color_trt: Color = (1.0, 1.0, 1.0)
     """Color of light reflected inside, C_TRT; absorption suggests C_TT to the power 1.9."""
-    longitudinal: Longitudinal = "gaussian"
-    """Shape along the fiber: gaussian (Khungurn et al. 2015) or vmf (d'Eon et al. 2011)."""
+    longitudinal: Literal["gaussian", "vmf", "symmetric"] = "gaussian"
+    """Shape along the fiber: gaussian (Khungurn et al. 2015), vmf (d'Eon et al. 2011), or symmetric: the same
+    light comes through when it travels backwards, which the other two do not keep where the fiber reflects."""
     azimuthal: Literal["wrapped_normal", "von_mises"] = "wrapped_normal"
     """Shape around the fiber, of the lobes that are not uniform."""
 

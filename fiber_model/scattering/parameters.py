@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 from weft.files.errors import InputError
 
-LONGITUDINAL_KINDS = ("gaussian", "vmf")
+LONGITUDINAL_KINDS = ("gaussian", "vmf", "symmetric")
 AZIMUTHAL_KINDS = ("wrapped_normal", "von_mises")
 
 
@@ -31,7 +31,7 @@ class FiberScatteringParameters:
     azimuthal_width_trt: float | None = None
     """None: the TRT lobe is uniform around the fiber, as in the thesis."""
     longitudinal: str = "gaussian"
-    """Kind of the longitudinal lobes: gaussian | vmf (symmetric: see issue 5)."""
+    """Kind of the longitudinal lobes: gaussian | vmf | symmetric (reciprocal)."""
     azimuthal: str = "wrapped_normal"
     """Kind of the azimuthal lobes: wrapped_normal | von_mises."""
 
@@ -51,11 +51,6 @@ class FiberScatteringParameters:
 
 
 def _check_kind(name: str, value: str, known: tuple[str, ...]) -> None:
-    if value == "symmetric" and name == "longitudinal":
-        raise InputError(
-            "scattering: the reciprocal longitudinal kind 'symmetric' is not built yet (issue 5 adds it)",
-            hint="Use 'gaussian' or 'vmf'.",
-        )
     if value not in known:
         raise InputError(f"scattering: {name} kind '{value}' is unknown", hint=f"Known: {', '.join(known)}.")
 

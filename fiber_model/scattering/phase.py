@@ -3,7 +3,8 @@
 f_p(wo, wi) = Σ a_k(theta_o) M_k(theta_o, theta_i) N_k(phi) per steradian; ∫ f_p dwi = Σ a_k for every wo.
 Local frame: the fiber is the x axis, theta the inclination from its normal plane, phi the azimuth around it;
 wo and wi both point away from the scattering point. Colors last: values have shape [..., 3], linear RGB.
-numpy twin of renderer/shaders/phase/fiber.glsl.
+With the longitudinal kind `symmetric` the R lobe is two: its part at normal incidence, and a fourth one, last,
+for what Schlick's term adds toward grazing. numpy twin of renderer/shaders/phase/fiber.glsl.
 """
 
 from __future__ import annotations
@@ -19,10 +20,13 @@ from .azimuthal import (
 )
 from .longitudinal import gaussian_eval, gaussian_sample, vmf_eval, vmf_sample
 from .parameters import FiberScatteringParameters
+from .symmetric import symmetric_eval, symmetric_sample
 
 Array = NDArray[np.float64]
 
-R, TT, TRT = 0, 1, 2
+R, TT, TRT, R_GRAZING = 0, 1, 2, 3
+SYMMETRIC_MARGINALS = ("base", "entering", "entering", "grazing")
+"""How the energy of each lobe goes with theta, for the kind `symmetric`."""
 
 
 def fiber_phase_eval(parameters: FiberScatteringParameters, wo: ArrayLike, wi: ArrayLike) -> Array:
@@ -56,7 +60,7 @@ def fiber_phase_sample(
     chance = lobe_probabilities(energies)
     # normalize the last edge: rounding must not leave numbers above the sum of the chances
     edges = np.cumsum(chance, axis=-1) / chance.sum(axis=-1, keepdims=True)
-    lobe = (u[..., 0, None] >= edges[..., :2]).sum(axis=-1)
+    lobe = (u[..., 0, None] >= edges[..., :-1]).sum(axis=-1)
     wi = _sample_lobes(parameters, wo, lobe, u)
     densities = lobe_densities(parameters, wo, wi)
     pdf = (chance * densities).sum(axis=-1)
@@ -66,18 +70,23 @@ def fiber_phase_sample(
 
 
 def lobe_energies(parameters: FiberScatteringParameters, wo: ArrayLike) -> Array:
-    """a_k(theta_o) of the lobes R, TT, TRT, shape [..., 3 lobes, 3 colors].
+    """a_k(theta_o) of the lobes R, TT, TRT, shape [..., 3 lobes, 3 colors]; 4 lobes for the kind `symmetric`.
 
     F is Schlick's; T = `fresnel_tt` of what enters leaves at once, the rest after one inner reflection.
     """
     cos_o = np.hypot(*_yz(wo))
     base = np.asarray(parameters.fresnel_r)
-    fresnel = base + (1 - base) * (1 - np.minimum(cos_o, 1.0)[..., None]) ** 5
+    grazing = (1 - base) * (1 - np.minimum(cos_o, 1.0)[..., None]) ** 5
+    fresnel = base + grazing
     entering, t = 1 - fresnel, parameters.fresnel_tt
     energy_r = np.asarray(parameters.color_r) * fresnel
     energy_tt = np.asarray(parameters.color_tt) * entering * t
     energy_trt = np.asarray(parameters.color_trt) * entering * (1 - t)
-    return np.stack([energy_r, energy_tt, energy_trt], axis=-2)
+    if parameters.longitudinal != "symmetric":
+        return np.stack([energy_r, energy_tt, energy_trt], axis=-2)
+    color_r = np.asarray(parameters.color_r)
+    at_normal = np.broadcast_to(color_r * base, energy_tt.shape)
+    return np.stack([at_normal, energy_tt, energy_trt, color_r * grazing], axis=-2)
 
 
 def lobe_probabilities(energies: ArrayLike) -> Array:
@@ -90,15 +99,27 @@ def lobe_probabilities(energies: ArrayLike) -> Array:
 
 
 def lobe_densities(parameters: FiberScatteringParameters, wo: ArrayLike, wi: ArrayLike) -> Array:
-    """M_k N_k [1/sr] of the lobes, shape [..., 3]; each integrates to one over the sphere."""
+    """M_k N_k [1/sr] of the lobes, in the order and number of `lobe_energies`; each integrates to one."""
     wo, wi = np.asarray(wo, dtype=np.float64), np.asarray(wi, dtype=np.float64)
     theta_o, theta_i = _inclination(wo), _inclination(wi)
-    evaluate = gaussian_eval if parameters.longitudinal == "gaussian" else vmf_eval
     phi = _azimuth(wi) - _azimuth(wo)
     around_tt = _azimuthal_eval(parameters.azimuthal, phi - np.pi, parameters.azimuthal_width_tt)
     around_trt = _azimuthal_eval(parameters.azimuthal, phi, parameters.azimuthal_width_trt)
-    along = [evaluate(theta_o, theta_i, beta) for beta in longitudinal_widths(parameters)]
-    return np.stack([along[R] / (2 * np.pi), along[TT] * around_tt, along[TRT] * around_trt], axis=-1)
+    along = longitudinal_densities(parameters, theta_o, theta_i)
+    around = [1 / (2 * np.pi), around_tt, around_trt, 1 / (2 * np.pi)]
+    return np.stack([m * n for m, n in zip(along, around, strict=False)], axis=-1)
+
+
+def longitudinal_densities(
+    parameters: FiberScatteringParameters, theta_o: ArrayLike, theta_i: ArrayLike
+) -> list[Array]:
+    """M_k of the lobes; ∫ M_k cos(theta_i) dtheta_i = 1."""
+    widths = longitudinal_widths(parameters)
+    if parameters.longitudinal == "symmetric":
+        lobes = zip((*widths, widths[R]), SYMMETRIC_MARGINALS, strict=True)
+        return [symmetric_eval(theta_o, theta_i, beta, marginal) for beta, marginal in lobes]
+    evaluate = gaussian_eval if parameters.longitudinal == "gaussian" else vmf_eval
+    return [evaluate(theta_o, theta_i, beta) for beta in widths]
 
 
 def longitudinal_widths(parameters: FiberScatteringParameters) -> tuple[float, float, float]:
@@ -113,17 +134,23 @@ def _sample_lobes(parameters: FiberScatteringParameters, wo: Array, lobe: Array,
     theta_o = np.broadcast_to(_inclination(wo), lobe.shape)
     azimuth_o = np.broadcast_to(_azimuth(wo), lobe.shape)
     theta, phi = np.empty(lobe.shape), np.empty(lobe.shape)
-    centers = (0.0, np.pi, 0.0)
-    around = (None, parameters.azimuthal_width_tt, parameters.azimuthal_width_trt)
-    for k, beta in enumerate(longitudinal_widths(parameters)):
+    widths = longitudinal_widths(parameters)
+    around = (None, parameters.azimuthal_width_tt, parameters.azimuthal_width_trt, None)
+    for k, beta in enumerate((*widths, widths[R])):
         of_lobe = lobe == k
         v = u[of_lobe]
-        if parameters.longitudinal == "gaussian":
-            theta[of_lobe] = gaussian_sample(theta_o[of_lobe], beta, v[:, 1])
-        else:
-            theta[of_lobe] = vmf_sample(theta_o[of_lobe], beta, v[:, 1], v[:, 2])
-        phi[of_lobe] = centers[k] + _azimuthal_sample(parameters.azimuthal, around[k], v[:, 3])
+        theta[of_lobe] = _longitudinal_sample(parameters.longitudinal, k, theta_o[of_lobe], beta, v)
+        center = np.pi if k == TT else 0.0
+        phi[of_lobe] = center + _azimuthal_sample(parameters.azimuthal, around[k], v[:, 3])
     return _direction(theta, azimuth_o + phi)
+
+
+def _longitudinal_sample(kind: str, lobe: int, theta_o: Array, beta: float, u: Array) -> Array:
+    if kind == "gaussian":
+        return gaussian_sample(theta_o, beta, u[:, 1])
+    if kind == "vmf":
+        return vmf_sample(theta_o, beta, u[:, 1], u[:, 2])
+    return symmetric_sample(theta_o, beta, SYMMETRIC_MARGINALS[lobe], u[:, 1])
 
 
 def _azimuthal_eval(kind: str, phi: Array, gamma: float | None) -> Array:

@@ -14,13 +14,14 @@ from tests.fiber_model.scattering.scattering_cases import CORNERS, preset
 from tests.renderer.probe import probe
 from tests.renderer.shaders.fiber_probes import random_keys
 from weft.fiber_model.scattering.phase import fiber_phase_sample
-from weft.renderer.scattering_block import pack_scattering
+from weft.renderer.scattering_block import pack_scattering, pack_symmetric_tables
 
 pytestmark = [pytest.mark.gl, pytest.mark.benchmark]
 
 BOUNCES = 100
 MEDIA = {name: preset(name) for name in ("reference", "khungurn2015_silk")} | CORNERS
 CHAIN = f"""
+layout(std430, binding = 3) readonly buffer Tables {{ vec4 fiber_table[]; }};
 #include "phase/fiber.glsl"
 #include "phase/isotropic.glsl"
 layout(std430, binding = 2) readonly buffer Media {{ FiberScattering media[]; }};
@@ -52,9 +53,10 @@ vec3 isotropic_chain(vec3 wo, uvec4 rng) {{
 
 def rate(parameters, function, items):
     """Million calls per CPU second, the best of three, without compiling."""
-    blocks = {2: pack_scattering([parameters])}
+    tables = pack_symmetric_tables([parameters])
+    blocks = {2: pack_scattering([parameters]), 3: tables if len(tables) else np.zeros((1, 4), np.float32)}
     signature = f"vec3 {function}(vec3 wo, uvec4 rng)"
-    call = probe([], signature, prelude=CHAIN, blocks=blocks, constants={"RANDOM_PHILOX": 0})
+    call = probe([], signature, prelude=CHAIN, blocks=blocks, constants={"RANDOM_PHILOX": 0, "FIBER_SYMMETRIC": int(len(tables) > 0)})
     wo, keys = np.array([0.6, 0.8, 0.0]), random_keys(items, seed=1)
     call(wo, keys[:64])
     seconds = []

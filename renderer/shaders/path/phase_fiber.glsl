@@ -1,5 +1,5 @@
 // The three-lobe fiber of phase/fiber.glsl behind the four functions the path tracer calls.
-// Needs from the program: phase_media[] of FiberScattering.
+// Needs from the program: phase_media[] of FiberScattering, and fiber_table[] where a medium is symmetric.
 #include "phase/fiber.glsl"
 #constant MEDIUM_COUNT
 
@@ -15,11 +15,11 @@ Phase phase_at(uint medium, vec3 wo) {
 }
 
 vec3 phase_albedo(Phase phase) {
-    return fiber_lobes_value(phase.lobes, vec3(1.0));
+    return fiber_lobes_value(phase.lobes, vec4(1.0));
 }
 
 vec3 phase_eval(Phase phase, vec3 wi, out float pdf) {
-    vec3 densities = fiber_lobe_densities(phase.s, phase.lobes, wi);
+    vec4 densities = fiber_lobe_densities(phase.s, phase.lobes, wi);
     pdf = dot(phase.lobes.chance, densities);
     return fiber_lobes_value(phase.lobes, densities);
 }

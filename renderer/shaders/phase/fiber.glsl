@@ -6,6 +6,10 @@
 #include "phase/fiber_block.glsl"
 #include "phase/fiber_longitudinal.glsl"
 #include "phase/fiber_azimuthal.glsl"
+#constant FIBER_SYMMETRIC
+#if FIBER_SYMMETRIC == 1
+#include "phase/fiber_symmetric.glsl"
+#endif
 
 // What depends on wo only. Compute it once per vertex and share it between light sampling and scattering.
 struct FiberLobes {
@@ -15,12 +19,21 @@ struct FiberLobes {
     vec3 energy_r;       // a_R, a_TT, a_TRT, linear RGB
     vec3 energy_tt;
     vec3 energy_trt;
-    vec3 chance;         // of choosing R, TT, TRT, by their largest channels; sums to one, a black fiber takes R
-    vec3 along_scale;    // normalization of M per lobe
+    vec3 energy_grazing; // what Schlick's term adds to R: apart for the longitudinal kind symmetric, else zero
+    vec4 chance;         // of choosing a lobe, by its largest channel; sums to one, a black fiber takes R
+    vec4 along_scale;    // normalization of M per lobe; its logarithm for symmetric
 };
+
+bool fiber_is_symmetric(FiberScattering s) {
+    return FIBER_SYMMETRIC == 1 && s.width.w == 2.0;
+}
 
 vec2 fiber_azimuth(vec3 w, float cos_theta) {
     return cos_theta > 0.0 ? w.yz / cos_theta : vec2(1.0, 0.0);
+}
+
+float largest(vec3 color) {
+    return max(color.r, max(color.g, color.b));
 }
 
 FiberLobes fiber_lobes(FiberScattering s, vec3 wo) {
@@ -34,41 +47,73 @@ FiberLobes fiber_lobes(FiberScattering s, vec3 wo) {
     lobes.energy_r = s.energy_r.rgb * (1.0 - entering);
     lobes.energy_tt = s.energy_tt.rgb * entering;
     lobes.energy_trt = s.energy_trt.rgb * entering;
-    vec3 strength = vec3(
-        max(lobes.energy_r.r, max(lobes.energy_r.g, lobes.energy_r.b)),
-        max(lobes.energy_tt.r, max(lobes.energy_tt.g, lobes.energy_tt.b)),
-        max(lobes.energy_trt.r, max(lobes.energy_trt.g, lobes.energy_trt.b)));
-    float total = strength.x + strength.y + strength.z;
-    lobes.chance = total > 0.0 ? strength / total : vec3(1.0, 0.0, 0.0);
-    lobes.along_scale = fiber_longitudinal_scale(s, lobes.sin_o, lobes.cos_o);
+    lobes.energy_grazing = vec3(0.0);
+#if FIBER_SYMMETRIC == 1
+    if (fiber_is_symmetric(s)) {
+        lobes.energy_r = s.energy_r.rgb * s.fresnel_r.rgb;
+        lobes.energy_grazing = s.energy_r.rgb * (1.0 - s.fresnel_r.rgb) * (grazing2 * grazing2 * grazing);
+    }
+#endif
+    vec3 strength = vec3(largest(lobes.energy_r), largest(lobes.energy_tt), largest(lobes.energy_trt));
+    float strength_grazing = largest(lobes.energy_grazing);
+    float total = strength.x + strength.y + strength.z + strength_grazing;
+    lobes.chance = total > 0.0 ? vec4(strength / total, 0.0) : vec4(1.0, 0.0, 0.0, 0.0);
+#if FIBER_SYMMETRIC == 1
+    if (fiber_is_symmetric(s)) {
+        lobes.chance.w = total > 0.0 ? strength_grazing / total : 0.0;
+        lobes.along_scale = fiber_symmetric_scale(s, lobes.sin_o, lobes.cos_o);
+        return lobes;
+    }
+#endif
+    lobes.along_scale = vec4(fiber_longitudinal_scale(s, lobes.sin_o, lobes.cos_o), 0.0);
     return lobes;
 }
 
 // M_k N_k [1/sr]; each integrates to one over the sphere.
-vec3 fiber_lobe_densities(FiberScattering s, FiberLobes lobes, vec3 wi) {
+vec4 fiber_lobe_densities(FiberScattering s, FiberLobes lobes, vec3 wi) {
     float cos_i = length(wi.yz);
     vec2 azimuth_i = fiber_azimuth(wi, cos_i);
-    vec3 along = fiber_longitudinal_eval(s, lobes.along_scale, lobes.sin_o, lobes.cos_o, wi.x, cos_i);
     float cos_phi = dot(lobes.azimuth_o, azimuth_i);
     float sin_phi = lobes.azimuth_o.x * azimuth_i.y - lobes.azimuth_o.y * azimuth_i.x;
     float from_tt = arctangent(abs(sin_phi), -cos_phi);
     float around_tt = fiber_azimuthal_eval(s.around_tt, from_tt);
     float around_trt = s.around_trt.x == 0.0 ? INV_TWO_PI : fiber_azimuthal_eval(s.around_trt, PI - from_tt);
-    return along * vec3(INV_TWO_PI, around_tt, around_trt);
+    vec3 around = vec3(INV_TWO_PI, around_tt, around_trt);
+#if FIBER_SYMMETRIC == 1
+    if (fiber_is_symmetric(s)) {
+        return fiber_symmetric_eval(s, lobes.along_scale, lobes.sin_o, lobes.cos_o, wi.x, cos_i) * around.xyzx;
+    }
+#endif
+    vec3 scale = lobes.along_scale.xyz;
+    return vec4(fiber_longitudinal_eval(s, scale, lobes.sin_o, lobes.cos_o, wi.x, cos_i) * around, 0.0);
 }
 
-vec3 fiber_lobes_value(FiberLobes lobes, vec3 densities) {
-    return lobes.energy_r * densities.x + lobes.energy_tt * densities.y + lobes.energy_trt * densities.z;
+vec3 fiber_lobes_value(FiberLobes lobes, vec4 densities) {
+    vec3 value = lobes.energy_r * densities.x + lobes.energy_tt * densities.y + lobes.energy_trt * densities.z;
+#if FIBER_SYMMETRIC == 1
+    value += lobes.energy_grazing * densities.w;
+#endif
+    return value;
 }
 
-// The one loop of the sampler: (sin theta_i, cos theta_i) of the Gaussian lobe, and phi where it is von Mises.
-// Both are tried twice per turn with acceptance of at least 0.65, so FIBER_TURNS leave a chance below 1e-10 that a
-// lobe stays pending; it then takes the lobe's mode.
+// The one loop of the sampler: (sin theta_i, cos theta_i) of the Gaussian or symmetric lobe, and phi where it is von
+// Mises. All are tried twice per turn with acceptance of at least 0.58 (0.35 for the grazing part of a symmetric R), so
+// FIBER_TURNS leave a chance below 1e-8 that a lobe stays pending; it then takes about the lobe's mode.
+#if FIBER_SYMMETRIC == 1
+const int FIBER_TURNS = 24;
+#else
 const int FIBER_TURNS = 12;
+#endif
 
-vec2 fiber_rejection(bool theta_pending, FiberLobes lobes, float beta, vec4 around, inout uvec4 rng, inout float phi) {
+vec2 fiber_rejection(
+    bool theta_pending, FiberScattering s, FiberLobes lobes, float beta, vec4 lane, vec4 around, inout uvec4 rng,
+    inout float phi
+) {
     FiberProposal proposal = fiber_longitudinal_proposal(lobes.sin_o, lobes.cos_o, beta);
     float theta = proposal.tangent;
+#if FIBER_SYMMETRIC == 1
+    SymmetricProposal symmetric = fiber_symmetric_proposal(s, lobes.sin_o, lobes.cos_o, lane);
+#endif
     bool phi_pending = around.x == 3.0;
     phi = phi_pending ? 0.0 : phi;
     for (int i = 0; i < FIBER_TURNS; ++i) {
@@ -76,8 +121,16 @@ vec2 fiber_rejection(bool theta_pending, FiberLobes lobes, float beta, vec4 arou
         if (theta_pending) {
             vec4 u = random4(rng);
             vec2 normals = standard_normals(u.xy);
-            theta_pending = !fiber_longitudinal_try(proposal, normals.x, u.z, theta);
-            if (theta_pending) theta_pending = !fiber_longitudinal_try(proposal, normals.y, u.w, theta);
+#if FIBER_SYMMETRIC == 1
+            if (fiber_is_symmetric(s)) {
+                theta_pending = !fiber_symmetric_try(s, symmetric, normals.x, u.z, theta);
+                if (theta_pending) theta_pending = !fiber_symmetric_try(s, symmetric, normals.y, u.w, theta);
+            } else
+#endif
+            {
+                theta_pending = !fiber_longitudinal_try(proposal, normals.x, u.z, theta);
+                if (theta_pending) theta_pending = !fiber_longitudinal_try(proposal, normals.y, u.w, theta);
+            }
         }
         if (phi_pending) {
             vec4 u = random4(rng);
@@ -89,7 +142,7 @@ vec2 fiber_rejection(bool theta_pending, FiberLobes lobes, float beta, vec4 arou
 }
 
 vec3 fiber_albedo(FiberScattering s, vec3 wo) {
-    return fiber_lobes_value(fiber_lobes(s, wo), vec3(1.0));
+    return fiber_lobes_value(fiber_lobes(s, wo), vec4(1.0));
 }
 
 vec3 fiber_eval(FiberScattering s, vec3 wo, vec3 wi) {
@@ -107,18 +160,21 @@ vec3 fiber_lobes_sample(FiberScattering s, FiberLobes lobes, inout uvec4 rng, ou
     vec4 u = random4(rng);
     bool is_r = u.x < lobes.chance.x;
     bool is_tt = !is_r && u.x < lobes.chance.x + lobes.chance.y;
-    float beta = is_r ? s.width.x : (is_tt ? s.width.y : s.width.z);
-    vec4 around = is_r ? vec4(0.0) : (is_tt ? s.around_tt : s.around_trt);
+    bool is_grazing = fiber_is_symmetric(s) && u.x >= lobes.chance.x + lobes.chance.y + lobes.chance.z;
+    bool uniform_around = is_r || is_grazing;
+    float beta = uniform_around ? s.width.x : (is_tt ? s.width.y : s.width.z);
+    vec4 around = uniform_around ? vec4(0.0) : (is_tt ? s.around_tt : s.around_trt);
+    vec4 lane = vec4(is_r, is_tt, !uniform_around && !is_tt, is_grazing);
     float phi = fiber_azimuthal_sample(around, u.yz);
-    vec2 along = fiber_rejection(s.width.w == 0.0, lobes, beta, around, rng, phi);
-    if (s.width.w != 0.0) along = fiber_vmf_sample(lobes.sin_o, lobes.cos_o, beta, random4(rng).xy);
+    vec2 along = fiber_rejection(s.width.w != 1.0, s, lobes, beta, lane, around, rng, phi);
+    if (s.width.w == 1.0) along = fiber_vmf_sample(lobes.sin_o, lobes.cos_o, beta, random4(rng).xy);
 
     phi += is_tt ? PI : 0.0;
     vec2 turn = vec2(cos(phi), sin(phi));
     vec2 azimuth_i = vec2(
         lobes.azimuth_o.x * turn.x - lobes.azimuth_o.y * turn.y, lobes.azimuth_o.x * turn.y + lobes.azimuth_o.y * turn.x);
     vec3 wi = normalize(vec3(along.x, along.y * azimuth_i));
-    vec3 densities = fiber_lobe_densities(s, lobes, wi);
+    vec4 densities = fiber_lobe_densities(s, lobes, wi);
     pdf = dot(lobes.chance, densities);
     weight = pdf > 0.0 ? fiber_lobes_value(lobes, densities) / pdf : vec3(0.0);
     return wi;

@@ -4,12 +4,18 @@ struct FiberScattering {
     vec4 energy_r;  // rgb: C_R
     vec4 energy_tt;  // rgb: C_TT T
     vec4 energy_trt;  // rgb: C_TRT (1 - T)
-    vec4 width;  // beta [rad]; w: longitudinal kind, 0 gaussian, 1 vmf
-    vec4 peak;  // scale of M before G(theta_o)
+    vec4 width;  // beta [rad]; w: longitudinal kind, 0 gaussian, 1 vmf, 2 symmetric
+    vec4 peak;  // scale of M before G(theta_o); w: of the grazing part of a symmetric R
     vec4 norm_constant;  // G = norm_constant + norm_cos2 cos^2 - tail(theta_o)
     vec4 norm_cos2;
     vec4 norm_narrow;  // 1: tail = exp(-y^2/2) poly(1/(1+y/2)), y = gap/beta; 0: poly((2 theta_o/pi)^2)
     vec4 norm_tail[8];  // coefficients of the tail, ascending
     vec4 around_tt;  // azimuthal lobe: kind, gamma, scale, slope of the proposal
     vec4 around_trt;  // same; kind: 0 uniform, 1 wrapped normal (images), 2 (series), 3 von Mises
+    vec4 table;  // x: the medium's first row of fiber_table[], for symmetric
 };
+
+const int FIBER_TABLE_CELLS = 64;
+const int FIBER_ENVELOPE_CELLS = 32;
+const int FIBER_ENVELOPE_ROW = 130;
+const float FIBER_TABLE_BEND = 0.9;

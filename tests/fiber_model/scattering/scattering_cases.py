@@ -47,5 +47,9 @@ CORNERS = {
     "narrow von Mises": gray((6.0, 0.5, 24.0), 2.0, gamma_trt_deg=300.0, azimuthal="von_mises"),
     "vmf": gray((6.0, 12.0, 24.0), 40.0, longitudinal="vmf"),
     "vmf corners": gray((0.5, 60.0, 2.0), 80.0, longitudinal="vmf", azimuthal="von_mises"),
+    "symmetric": gray((2.0, 12.0, 40.0), 40.0, longitudinal="symmetric"),
+    "symmetric corners": gray(
+        (24.0, 0.5, 60.0), 20.0, gamma_trt_deg=80.0, longitudinal="symmetric", azimuthal="von_mises"
+    ),
     "series": gray((3.0, 8.0, 50.0), 81.0, gamma_trt_deg=100.0),
 }

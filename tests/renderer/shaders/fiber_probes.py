@@ -8,9 +8,10 @@ import numpy as np
 
 from tests.renderer.probe import probe
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
-from weft.renderer.scattering_block import pack_scattering
+from weft.renderer.scattering_block import pack_scattering, pack_symmetric_tables
 
 _CALLS = """
+layout(std430, binding = 3) readonly buffer Tables { vec4 fiber_table[]; };
 #include "phase/fiber.glsl"
 layout(std430, binding = 2) readonly buffer Media { FiberScattering media[]; };
 vec3 evaluate(int medium, vec3 wo, vec3 wi) { return fiber_eval(media[medium], wo, wi); }
@@ -28,8 +29,10 @@ vec3 scale(int medium, float theta_o) {
 def fiber_probe(
     media: Sequence[FiberScatteringParameters], signature: str, *, philox: bool = False
 ) -> Callable:
-    blocks = {2: pack_scattering(media)}
-    return probe([], signature, prelude=_CALLS, blocks=blocks, constants={"RANDOM_PHILOX": int(philox)})
+    tables = pack_symmetric_tables(media)
+    blocks = {2: pack_scattering(media), 3: tables if len(tables) else np.zeros((1, 4), np.float32)}
+    constants = {"RANDOM_PHILOX": int(philox), "FIBER_SYMMETRIC": int(len(tables) > 0)}
+    return probe([], signature, prelude=_CALLS, blocks=blocks, constants=constants)
 
 
 def draw_probe(media: Sequence[FiberScatteringParameters], *, philox: bool = False) -> Callable:
