@@ -11,9 +11,18 @@ from weft.files.suggestions import did_you_mean
 from .measurement_csv import read_csv, write_csv
 from .measurement_npz import read_npz, write_npz
 from .measurements import Measurements
+from .merl_measurements import read_merl_measurements, write_merl_measurements
 
-READERS: dict[str, Callable[[Path], Measurements]] = {".csv": read_csv, ".npz": read_npz}
-WRITERS: dict[str, Callable[[Measurements, Path], None]] = {".csv": write_csv, ".npz": write_npz}
+READERS: dict[str, Callable[[Path], Measurements]] = {
+    ".csv": read_csv,
+    ".npz": read_npz,
+    ".binary": read_merl_measurements,
+}
+WRITERS: dict[str, Callable[[Measurements, Path], None]] = {
+    ".csv": write_csv,
+    ".npz": write_npz,
+    ".binary": write_merl_measurements,
+}
 
 
 def load_measurements(path: str | Path) -> Measurements:
@@ -30,7 +39,10 @@ def load_measurements(path: str | Path) -> Measurements:
 
 
 def save_measurements(measurements: Measurements, path: str | Path) -> None:
-    """Write .csv (degrees, for people) or .npz (radians); both read back to the same bits."""
+    """Write .csv (degrees, for people) or .npz (radians), which read back to the same bits; or a table.
+
+    The formats of others hold some measurements only; what does not fit is an `InputError`.
+    """
     path = Path(path)
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
