@@ -1,0 +1,212 @@
+"""The fiber's phase function on JAX: phase.py, longitudinal.py and azimuthal.py again, with exact gradients.
+
+float64 throughout: importing this module switches JAX to 64 bits for the process, before it makes an array.
+A fit evaluates the same few angles many times, so lobes are computed once for each distinct pair of
+inclinations and each distinct azimuth (`DistinctDirections`), and G once for each distinct theta_o.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .parameters import FiberScatteringParameters
+
+jax.config.update("jax_enable_x64", True)
+
+import jax.numpy as jnp  # noqa: E402
+
+_HALF_PI = np.pi / 2
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+_REACH = 9.0
+"""The quadrature of G spans this many widths on each side; beyond lies 2e-19 of a Gaussian."""
+_SAME_ANGLE = 1e-12
+"""Angles [rad] closer than this are one."""
+
+
+class LobeKinds(NamedTuple):
+    """What a compiled function is made for: the kinds of the lobes."""
+
+    longitudinal: str
+    azimuthal: str
+    uniform_trt: bool
+
+
+class LobeParameters(NamedTuple):
+    """The parameters as arrays that JAX differentiates; radians. The colors have shape [channels]."""
+
+    longitudinal_width_r: jax.Array
+    longitudinal_width_tt: jax.Array
+    longitudinal_width_trt: jax.Array
+    azimuthal_width_tt: jax.Array
+    azimuthal_width_trt: jax.Array
+    """Ignored where `LobeKinds.uniform_trt`."""
+    fresnel_r: jax.Array
+    fresnel_tt: jax.Array
+    color_r: jax.Array
+    color_tt: jax.Array
+    color_trt: jax.Array
+
+
+class DistinctDirections(NamedTuple):
+    """N directions as indices into their distinct angles [rad]."""
+
+    theta_o: jax.Array
+    """Distinct inclinations of `wo`, shape [k]."""
+    pair_theta_o: jax.Array
+    """Index into `theta_o` of each distinct pair of inclinations, shape [m]."""
+    pair_theta_i: jax.Array
+    """Inclination of `wi` of each pair, shape [m]."""
+    phi: jax.Array
+    """Distinct azimuths of `wi` from `wo`, in [-pi, pi], shape [q]."""
+    pair: jax.Array
+    """Of each direction, shape [N]: its pair of inclinations."""
+    around: jax.Array
+    """Of each direction, shape [N]: its azimuth."""
+
+
+def split_parameters(parameters: FiberScatteringParameters) -> tuple[LobeKinds, LobeParameters]:
+    uniform = parameters.azimuthal_width_trt is None
+    kinds = LobeKinds(parameters.longitudinal, parameters.azimuthal, uniform)
+    values = {name: getattr(parameters, name) for name in LobeParameters._fields}
+    if uniform:
+        values["azimuthal_width_trt"] = 1.0
+    return kinds, LobeParameters(**{name: jnp.asarray(value, float) for name, value in values.items()})
+
+
+def distinct_directions(theta_o: ArrayLike, theta_i: ArrayLike, phi: ArrayLike) -> DistinctDirections:
+    """From angles [rad] of N directions; `phi` is the azimuth of `wi` minus that of `wo`."""
+    theta_o, theta_i, phi = (np.asarray(angle, dtype=np.float64) for angle in (theta_o, theta_i, phi))
+    wrapped = phi - 2 * np.pi * np.round(phi / (2 * np.pi))
+    of_o, o_index = _distinct(theta_o)
+    of_i, i_index = _distinct(theta_i)
+    of_phi, around = _distinct(wrapped)
+    codes, pair = np.unique(o_index * len(of_i) + i_index, return_inverse=True)
+    pair_o, pair_i = np.divmod(codes, len(of_i))
+    return DistinctDirections(*map(jnp.asarray, (of_o, pair_o, of_i[pair_i], of_phi, pair, around)))
+
+
+def _distinct(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct values, and the index of each angle's."""
+    order = np.argsort(angles, kind="stable")
+    rises = np.diff(angles[order]) > _SAME_ANGLE
+    index = np.empty(len(angles), dtype=np.int64)
+    index[order] = np.concatenate([[0], np.cumsum(rises)]) if len(angles) else []
+    return angles[order][np.concatenate([[True], rises])] if len(angles) else angles, index
+
+
+def lobe_densities(kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections) -> jax.Array:
+    """M_k N_k [1/sr] of the lobes R, TT, TRT, shape [N, 3]."""
+    return jnp.stack(
+        [
+            along[directions.pair] * around[directions.around]
+            for along, around in zip(
+                _along(kinds, parameters, directions), _around(kinds, parameters, directions.phi), strict=True
+            )
+        ],
+        axis=-1,
+    )
+
+
+def _along(
+    kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections
+) -> tuple[jax.Array, ...]:
+    """M_k of each distinct pair of inclinations, shape [m] each."""
+    widths = (
+        parameters.longitudinal_width_r,
+        parameters.longitudinal_width_tt,
+        parameters.longitudinal_width_trt,
+    )
+    theta_o, theta_i = directions.theta_o[directions.pair_theta_o], directions.pair_theta_i
+    if kinds.longitudinal == "vmf":
+        return tuple(vmf_eval(theta_o, theta_i, beta) for beta in widths)
+    return tuple(
+        _gaussian_cos(theta_o, theta_i, beta)
+        / gaussian_normalization(directions.theta_o, beta)[directions.pair_theta_o]
+        for beta in widths
+    )
+
+
+def _around(kinds: LobeKinds, parameters: LobeParameters, phi: jax.Array) -> tuple[jax.Array, ...]:
+    """N_k of each distinct azimuth, shape [q] each."""
+    evaluate = wrapped_normal_eval if kinds.azimuthal == "wrapped_normal" else von_mises_eval
+    uniform = jnp.full(phi.shape, 1 / (2 * np.pi))
+    around_trt = uniform if kinds.uniform_trt else evaluate(phi, parameters.azimuthal_width_trt)
+    return uniform, evaluate(phi - np.pi, parameters.azimuthal_width_tt), around_trt
+
+
+def lobe_energies(parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
+    """a_k(theta_o) of the lobes R, TT, TRT, shape [..., 3 lobes, channels]."""
+    base = parameters.fresnel_r
+    fresnel = base + (1 - base) * schlick(cos_o)[..., None]
+    entering, t = 1 - fresnel, parameters.fresnel_tt
+    return jnp.stack(
+        [
+            parameters.color_r * fresnel,
+            parameters.color_tt * entering * t,
+            parameters.color_trt * entering * (1 - t),
+        ],
+        axis=-2,
+    )
+
+
+def schlick(cos_o: jax.Array) -> jax.Array:
+    """(1 - cos theta_o)^5, Schlick's rise of the Fresnel term to grazing light."""
+    return (1 - jnp.minimum(cos_o, 1.0)) ** 5
+
+
+def fiber_phase_eval(
+    kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections
+) -> jax.Array:
+    """f_p [1/sr] of each direction, shape [N, channels]."""
+    energies = lobe_energies(parameters, jnp.cos(directions.theta_o))
+    densities = lobe_densities(kinds, parameters, directions)
+    of_direction = energies[directions.pair_theta_o[directions.pair]]
+    return (of_direction * densities[..., None]).sum(axis=-2)
+
+
+def gaussian_normalization(theta_o: jax.Array, beta: jax.Array) -> jax.Array:
+    """G(theta_o) = ∫ g(theta; -theta_o, beta) cos²(theta) dtheta over the half circle, shape of `theta_o`.
+
+    By 64 Gauss-Legendre points where the Gaussian is not negligible; JAX has no erf of complex argument.
+    """
+    mean = -jnp.asarray(theta_o)[..., None]
+    low = jnp.maximum(mean - _REACH * beta, -_HALF_PI)
+    high = jnp.minimum(mean + _REACH * beta, _HALF_PI)
+    theta = 0.5 * (low + high) + 0.5 * (high - low) * _NODES
+    values = _normal(theta - mean, beta) * jnp.cos(theta) ** 2
+    return 0.5 * (high - low)[..., 0] * (values * _WEIGHTS).sum(axis=-1)
+
+
+def _gaussian_cos(theta_o: jax.Array, theta_i: jax.Array, beta: jax.Array) -> jax.Array:
+    return _normal(theta_i + theta_o, beta) * jnp.cos(theta_i)
+
+
+def _normal(x: jax.Array, width: jax.Array) -> jax.Array:
+    return jnp.exp(-0.5 * (x / width) ** 2) / (width * np.sqrt(2 * np.pi))
+
+
+def vmf_eval(theta_o: jax.Array, theta_i: jax.Array, beta: jax.Array) -> jax.Array:
+    """exp(-sin sin / v) I0(cos cos / v) / (2 v sinh(1/v)) with v = beta², arranged not to overflow."""
+    v = beta**2
+    exponent = -2 * jnp.sin(0.5 * (theta_i + theta_o)) ** 2 / v
+    bessel = jax.scipy.special.i0e(jnp.cos(theta_o) * jnp.cos(theta_i) / v)
+    return jnp.exp(exponent) * bessel / (v * -jnp.expm1(-2 / v))
+
+
+def wrapped_normal_eval(phi: jax.Array, gamma: jax.Array) -> jax.Array:
+    """Sum of Gaussians 2 pi apart where it converges fast, its Fourier series elsewhere."""
+    phi = (phi - 2 * np.pi * jnp.round(phi / (2 * np.pi)))[..., None]
+    images = _normal(phi + 2 * np.pi * np.arange(-3, 4), gamma).sum(axis=-1)
+    n = np.arange(1, 8)
+    waves = (jnp.exp(-0.5 * (n * gamma) ** 2) * jnp.cos(n * phi)).sum(axis=-1)
+    return jnp.where(gamma < np.sqrt(np.pi), images, (1 + 2 * waves) / (2 * np.pi))
+
+
+def von_mises_eval(phi: jax.Array, gamma: jax.Array) -> jax.Array:
+    kappa = gamma**-2
+    drop = 2 * jnp.sin(0.5 * phi) ** 2  # 1 - cos(phi) without cancellation
+    return jnp.exp(-kappa * drop) / (2 * np.pi * jax.scipy.special.i0e(kappa))
