@@ -1,0 +1,133 @@
+"""Residuals of measured directions: what the solver squares and sums.
+
+A residual is a frozen, hashable object, called with the parameters (shape [P], see parameterization.py) and
+its data, a tuple of arrays; it returns one number per datum in standard deviations. The solver knows no more
+of it, so that other data (photographs of a cloth, say) can bring a residual of their own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from weft.fiber_model.scattering.phase_jax import (
+    DistinctDirections,
+    LobeKinds,
+    distinct_directions,
+    lobe_densities,
+    lobe_energies,
+)
+from weft.files.errors import InputError
+
+from .measurements import Measurements
+from .parameterization import SCALE, lobe_parameters
+
+import jax  # isort: skip  after phase_jax, which switches it to 64 bits
+import jax.numpy as jnp  # isort: skip
+
+SMALLEST = 1e-6
+"""Values below this part of the largest are as good as zero to the cube root and the logarithm."""
+
+
+class Residual(Protocol):
+    """Anything a fit can minimize. Hashable: compiled functions are kept per residual."""
+
+    def __call__(self, full: jax.Array, data: Any) -> jax.Array: ...
+
+    def __hash__(self) -> int: ...
+
+
+class DirectionData(NamedTuple):
+    """N measured directions, C channels, ready for the model."""
+
+    directions: DistinctDirections
+    factor: jax.Array
+    """What f_p is multiplied by to give the measured quantity, shape [N]: 1, or 1 / cos theta_o."""
+    values: jax.Array
+    """Shape [N, C]."""
+    weights: jax.Array
+    """1 / sigma on the scale of the loss, shape [N, C]; 0 leaves the datum out."""
+    peak: jax.Array
+    """Largest value of each channel, shape [C]."""
+
+
+@dataclass(frozen=True)
+class DirectionResidual:
+    """(T(value) - T(model)) / sigma, T the loss's transform; then held back where it is an outlier."""
+
+    kinds: LobeKinds
+    channels: int
+    loss: str = "linear"
+    robust: str = "none"
+    robust_sigmas: float = 2.0
+
+    def __call__(self, full: jax.Array, data: DirectionData) -> jax.Array:
+        """Shape [N * C]."""
+        return self.hold_back(self.plain(full, data)).ravel()
+
+    def plain(self, full: jax.Array, data: DirectionData) -> jax.Array:
+        """Before the robust transform, shape [N, C]."""
+        model = predict(self.kinds, self.channels, full, data)
+        transformed = [transform(self.loss, y, data.peak) for y in (model, data.values)]
+        return data.weights * (transformed[0] - transformed[1])
+
+    def hold_back(self, r: jax.Array) -> jax.Array:
+        """sign(r) sqrt(rho(r)), so that half its square is the robust loss."""
+        if self.robust == "none":
+            return r
+        limit = self.robust_sigmas
+        if self.robust == "huber":
+            far = jnp.maximum(jnp.abs(r), limit)
+            return jnp.where(jnp.abs(r) <= limit, r, jnp.sign(r) * jnp.sqrt(limit * (2 * far - limit)))
+        squared = jnp.maximum((r / limit) ** 2, 1e-12)  # the root of its logarithm has no slope at zero
+        return r * jnp.sqrt(jnp.log1p(squared) / squared)
+
+
+def predict(kinds: LobeKinds, channels: int, full: jax.Array, data: DirectionData) -> jax.Array:
+    """The model's value of the measured quantity, shape [N, C]."""
+    parameters = lobe_parameters(full, channels)
+    energies = full[SCALE] * lobe_energies(parameters, jnp.cos(data.directions.theta_o))
+    of_direction = energies[data.directions.pair_theta_o[data.directions.pair]]
+    densities = data.factor[:, None] * lobe_densities(kinds, parameters, data.directions)
+    return jnp.einsum("nkc,nk->nc", of_direction, densities)
+
+
+def transform(loss: str, y: Any, peak: Any) -> Any:
+    """y, its cube root, or its logarithm; the latter two bend to straight lines at zero."""
+    if loss == "linear":
+        return y
+    if loss == "cube_root":
+        small = SMALLEST * peak
+        return jnp.sign(y) * (jnp.cbrt(jnp.abs(y) + small) - jnp.cbrt(small))
+    floor = 1e3 * SMALLEST * peak
+    return jnp.sign(y) * jnp.log1p(jnp.abs(y) / floor)
+
+
+def transform_slope(loss: str, y: Any, peak: Any) -> Any:
+    """d transform / dy, in numpy: carries sigma over to the scale of the loss."""
+    if loss == "linear":
+        return np.ones_like(y)
+    if loss == "cube_root":
+        return (np.abs(y) + SMALLEST * peak) ** (-2 / 3) / 3
+    return 1 / (1e3 * SMALLEST * peak + np.abs(y))
+
+
+def direction_data(measurements: Measurements) -> DirectionData:
+    """With weights of one; `weights_from_sigma` gives the right ones."""
+    if measurements.quantity == "brdf":
+        raise InputError(
+            "fit: the measurements are of a surface (quantity 'brdf'); the fiber's lobes need "
+            "'phase_function' or 'bcsdf'"
+        )
+    directions = distinct_directions(
+        measurements.theta_i, measurements.theta_o, measurements.phi_o - measurements.phi_i
+    )
+    cos_o = np.cos(measurements.theta_o)
+    if measurements.quantity == "bcsdf" and (cos_o < 1e-6).any():
+        raise InputError("fit: a detector along the fiber (theta_o = 90 deg) sees no finite BCSDF; mask it")
+    factor = 1 / cos_o if measurements.quantity == "bcsdf" else np.ones_like(cos_o)
+    values = measurements.values
+    peak = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
+    return DirectionData(directions, *map(jnp.asarray, (factor, values, np.ones_like(values), peak)))
