@@ -28,7 +28,7 @@ KEY_VERSION = 1
 """Raise it when the meaning of the key changes."""
 
 PACKAGE = Path(__file__).resolve().parent.parent
-CODE_SUFFIXES = {".py", ".glsl", ".comp", ".vert", ".frag", ".cpp"}
+CODE_SUFFIXES = {".py", ".glsl", ".comp", ".vert", ".frag", ".cpp", ".h"}
 CHUNK = 1 << 20
 
 
