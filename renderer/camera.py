@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,14 @@ class CameraFrame:
     forward: np.ndarray
     right: np.ndarray
     up: np.ndarray
+    aperture_radius: float = 0.0
+    """[mm]; 0: a pinhole."""
+    aperture_blades: int = 0
+    """Corners of the aperture; 0: a circle."""
+    aperture_rotation: float = 0.0
+    """Of a polygon [rad]."""
+    focus_distance: float = 1.0
+    """Along the view [mm]."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -55,7 +63,14 @@ def place_camera(
         # the frame is that wide at the side of the volume facing the camera, or at the target of a close-up
         depth = 0.0 if camera.frame_width_mm else np.abs(toward) @ (np.ptp(bounds_mm, axis=0) / 2)
         position = center + toward * (half / slope + depth)
-    return CameraFrame(True, position, -toward, right * slope, up * slope * aspect)
+    frame = CameraFrame(True, position, -toward, right * slope, up * slope * aspect)
+    return replace(
+        frame,
+        aperture_radius=camera.aperture_radius_mm,
+        aperture_blades=camera.aperture_blades,
+        aperture_rotation=math.radians(camera.aperture_rotation_deg),
+        focus_distance=camera.focus_distance_mm or float(np.linalg.norm(position - center)),
+    )
 
 
 def _toward_camera(

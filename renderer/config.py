@@ -35,11 +35,28 @@ class _Camera(_Settings):
 
 
 class PerspectiveCamera(_Camera):
-    """A pinhole."""
+    """A pinhole, or a thin lens where the aperture has a radius."""
 
     kind: Literal["perspective"] = "perspective"
     fov_deg: float = Field(default=30.0, gt=0, lt=179)
     """Horizontal field of view."""
+    aperture_radius_mm: float = Field(default=0.0, ge=0)
+    """Of the lens; of a polygon, to its corners. 0: a pinhole, sharp everywhere."""
+    aperture_blades: int = Field(default=0, ge=0, le=64)
+    """Corners of the aperture, whose shape bright points out of focus take; 0: a circle."""
+    aperture_rotation_deg: float = 0.0
+    """Turn of a polygonal aperture, counterclockwise in the picture; at 0 a corner points right."""
+    focus_distance_mm: float | None = Field(default=None, gt=0)
+    """From the lens to the plane that is sharp, along the view; unset: to the target."""
+
+    @model_validator(mode="after")
+    def _polygon_or_circle(self) -> PerspectiveCamera:
+        if self.aperture_blades in (1, 2):
+            raise ValueError(f"aperture_blades = {self.aperture_blades}: a polygon has 3 or more, a circle 0")
+        unused = ("focus_distance_mm", "aperture_blades", "aperture_rotation_deg")
+        if self.aperture_radius_mm == 0 and (given := [name for name in unused if getattr(self, name)]):
+            raise ValueError(f"{', '.join(given)} without aperture_radius_mm has no effect")
+        return self
 
     @model_validator(mode="after")
     def _position_or_frame(self) -> PerspectiveCamera:
@@ -52,6 +69,32 @@ class OrthographicCamera(_Camera):
     """Parallel rays along the view."""
 
     kind: Literal["orthographic"] = "orthographic"
+
+
+class BoxFilter(_Settings):
+    """Every sample counts for the pixel it lies in, and equally."""
+
+    kind: Literal["box"] = "box"
+
+
+class GaussianFilter(_Settings):
+    """A Gaussian, lowered to reach zero at its radius."""
+
+    kind: Literal["gaussian"] = "gaussian"
+    radius_px: float = Field(default=1.5, gt=0, le=16)
+    """Where it ends, along x and along y."""
+    sigma_px: float = Field(default=0.5, ge=0.05, le=16)
+    """Standard deviation."""
+
+
+class LanczosFilter(_Settings):
+    """A sinc in a sinc window. Sharper than the others, and negative in places: edges may ring."""
+
+    kind: Literal["lanczos"] = "lanczos"
+    radius_px: float = Field(default=1.2, gt=0, le=16)
+    """Where it ends, along x and along y. The thesis uses 1.2 and tau = 3."""
+    tau: float = Field(default=3.0, ge=0.5, le=16)
+    """Width of the window: sinc(x) sinc(x / tau)."""
 
 
 class ConstantLight(_Settings):
@@ -111,19 +154,21 @@ class SkyLight(_Settings):
 
 
 Camera = Annotated[PerspectiveCamera | OrthographicCamera, Field(discriminator="kind")]
+PixelFilter = Annotated[BoxFilter | GaussianFilter | LanczosFilter, Field(discriminator="kind")]
 Light = Annotated[
     ConstantLight | EnvironmentLight | DirectionalLight | StudioLight | SkyLight, Field(discriminator="kind")
 ]
 
 
+Pixel = Annotated[int, Field(ge=0, lt=16384)]
+PixelCount = Annotated[int, Field(ge=1, le=16384)]
+
+
 class RenderConfig(_Settings):
     """One picture of one volume."""
 
-    resolution: tuple[Annotated[int, Field(ge=1, le=16384)], Annotated[int, Field(ge=1, le=16384)]] = (
-        512,
-        512,
-    )
-    """Width and height in pixels; at most 33 million pixels, whose sums take 4 GiB."""
+    resolution: tuple[PixelCount, PixelCount] = (512, 512)
+    """Width and height in pixels; at most 33 million pixels, whose sums take 5 GiB."""
     samples_per_pixel: int = Field(default=32, ge=1, le=2**24)
     """Paths per pixel."""
     seed: int = Field(default=0, ge=0, lt=2**32)
@@ -138,6 +183,10 @@ class RenderConfig(_Settings):
     """All lights; those around the scene add up to one environment."""
     background: Literal["environment"] | Color = (0.0, 0.0, 0.0)
     """What camera rays see that meet no fiber: a linear color, or the environment."""
+    filter: PixelFilter = BoxFilter()
+    """How samples around a pixel make its color."""
+    crop: tuple[Pixel, Pixel, PixelCount, PixelCount] | None = None
+    """Left, top, width and height in pixels of the part to render, with the bits it has in the whole."""
     exposure: float = 0.0
     """Stops applied to the preview only."""
     extinction: Literal["projected", "isotropic"] = "projected"
@@ -161,6 +210,19 @@ class RenderConfig(_Settings):
         if resolution[0] * resolution[1] > MAX_PIXELS:
             raise ValueError(f"{resolution[0]} x {resolution[1]} pixels; at most {MAX_PIXELS} in all")
         return resolution
+
+    @model_validator(mode="after")
+    def _crop_lies_in_the_picture(self) -> RenderConfig:
+        x, y, width, height = self.window
+        if x + width > self.resolution[0] or y + height > self.resolution[1]:
+            picture = f"{self.resolution[0]} x {self.resolution[1]}"
+            raise ValueError(f"crop ends at ({x + width}, {y + height}), outside of the picture, {picture}")
+        return self
+
+    @property
+    def window(self) -> tuple[int, int, int, int]:
+        """Left, top, width and height of what is rendered [pixels]."""
+        return self.crop or (0, 0, *self.resolution)
 
     @model_validator(mode="after")
     def _scale_needs_isotropic(self) -> RenderConfig:

@@ -6,21 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+FILM_LAYERS = 5
 PIXELS_PER_CHUNK = 1 << 18
 
 
 @dataclass
 class Film:
-    """Sums per pixel in float64, in the order of shaders/film/film.glsl, shape [4, pixel_count, 4]."""
+    """Sums per pixel in float64, in the order of shaders/film/film.glsl, shape [5, pixel_count, 4]."""
 
     width: int
     height: int
     sums: np.ndarray
+    filtered: bool = False
+    """Whether samples are weighed by a filter: radiance and opacity by it, first scatterings equally."""
     samples: int = 0
 
     @classmethod
-    def empty(cls, width: int, height: int) -> Film:
-        return cls(width, height, np.zeros((4, width * height, 4)))
+    def empty(cls, width: int, height: int, *, filtered: bool = False) -> Film:
+        return cls(width, height, np.zeros((FILM_LAYERS, width * height, 4)), filtered)
 
     def add(self, first_pixel: int, sums: np.ndarray) -> None:
         """Add the sums of one pass over some pixels."""
@@ -31,10 +34,11 @@ class Film:
 
         R, G, B, A: mean radiance and opacity. variance.R, .G, .B: of the mean (an upper bound, since samples
         are stratified). albedo, T, Z: mean color, fiber axis (see `_principal_axes`) and mean distance [mm]
-        where camera rays first scatter.
+        where camera rays first scatter. samples, cut: how many paths, and how many of them `max_bounces` cut.
         """
         n = self.samples
-        radiance, opacity = self.sums[0, :, :3] / n, self.sums[0, :, 3] / n
+        radiance = self.sums[0, :, :3] / n
+        opacity = (self.sums[4, :, 0] if self.filtered else self.sums[0, :, 3]) / n
         squares = self.sums[1, :, :3] / n
         variance = np.maximum(squares - radiance**2, 0) / max(n - 1, 1)
         hits = self.sums[0, :, 3]
@@ -47,6 +51,8 @@ class Film:
             **_named(("albedo.R", "albedo.G", "albedo.B"), self.sums[3, :, :3] / safe[:, None]),
             **_named(("T.X", "T.Y", "T.Z"), self._axes()),
             "Z": depth,
+            "samples": np.full(len(depth), float(n)),
+            "cut": self.sums[4, :, 1],
         }
         return {
             name: data.reshape(self.height, self.width).astype(np.float32) for name, data in columns.items()

@@ -12,6 +12,7 @@ import numpy as np
 from weft.files.errors import DeviceMemoryError
 
 from .brick_pool import BrickPool
+from .film import FILM_LAYERS
 from .gpu import buffers
 from .gpu.programs import compute_program, set_uniforms
 from .scene import Scene
@@ -27,7 +28,6 @@ COUNTERS = (
     "broken_samples",
     "majorant_violations",
 )
-FILM_LAYERS = 4
 MAX_VOXEL_PAGES = 8
 FIRST_PAGE_BINDING = 7
 STORAGE_BLOCKS = 8
@@ -88,11 +88,11 @@ class Kernel:
         set_uniforms(self.program, self.scene.uniforms() | {"lane_count": self.lane_count})
 
     def trace(self, rows: range, samples: range, *, tick: Callable[[int], None] | None = None) -> np.ndarray:
-        """Film sums over `samples` of some rows of the picture, float32, shape [4, pixel_count, 4].
+        """Film sums over `samples` of some rows of the picture, float32, shape [5, pixel_count, 4].
 
         `tick` is called after each dispatch with the number of samples finished since the last call.
         """
-        width = self.scene.config.resolution[0]
+        width = self.scene.config.window[2]
         pixel_count = width * len(rows)
         film = buffers.reserve(self.context, FILM_LAYERS * pixel_count * 16, name="the film")
         film.clear()

@@ -97,13 +97,13 @@ def run(
 
 def _expose(kernel: Kernel, scene: Scene, progress: Progress | None) -> Film:
     """All samples of all pixels, in passes that fit the device."""
-    (width, height), spp = scene.config.resolution, scene.config.samples_per_pixel
+    (_, top, width, height), spp = scene.config.window, scene.config.samples_per_pixel
     options = kernel.options
-    film = Film.empty(width, height)
+    film = Film.empty(width, height, filtered=scene.config.filter.kind != "box")
     report = _Reporter(progress, width * height * spp)
     rows_per_pass = options.rows_per_pass or max(1, PIXELS_PER_PASS // width)
     for first in range(0, height, rows_per_pass):
-        rows = range(first, min(first + rows_per_pass, height))
+        rows = range(top + first, top + min(first + rows_per_pass, height))
         for begin in range(0, spp, SAMPLES_PER_PASS):
             samples = range(begin, min(begin + SAMPLES_PER_PASS, spp))
             film.add(first * width, kernel.trace(rows, samples, tick=report.add))
@@ -145,6 +145,7 @@ def attributes(result: RenderResult) -> dict[str, object]:
         "weft.config": text,
         "weft.configSha256": hashlib.sha256(text.encode()).hexdigest(),
         "weft.samplesPerPixel": result.config.samples_per_pixel,
+        "weft.window": ", ".join(str(n) for n in result.config.window),
         "weft.seed": str(result.config.seed),
         "weft.device": s.device,
         "weft.cutPaths": str(s.cut_paths),

@@ -17,10 +17,16 @@ from .camera import CameraFrame, place_camera
 from .config import RenderConfig
 from .gpu.shader_source import Constant
 from .lights import LightTable, build_light_table
+from .pixel_filter import CELLS, KINDS, filter_uniforms
 from .scattering_block import pack_scattering, pack_symmetric_tables
 
 SHADOW_ROULETTE = 0.4
 """Transmittance below which a shadow ray survives by roulette (shaders/path/segments.glsl)."""
+
+LENS_PIECE = 'uniform vec4 lens;\n#include "camera/lens.glsl"\n'
+FILTER_PIECE = (
+    f'uniform float filter_edges[{CELLS + 1}];\nuniform vec4 filter_shape;\n#include "film/filter.glsl"\n'
+)
 
 
 @dataclass(frozen=True)
@@ -73,8 +79,14 @@ class Scene:
             "SAMPLE_LIGHTS": self.config.sampling != "phase",
             "SAMPLE_PHASE": self.config.sampling != "lights",
             "RANDOM_PHILOX": 0,
+            "CAMERA_LENS": self.camera.aperture_radius > 0,
+            **self._filter_constants(),
             **self.phase.constants,
         }
+
+    def _filter_constants(self) -> dict[str, Constant]:
+        kind = KINDS[self.config.filter.kind]
+        return {"PIXEL_FILTER": kind, **({"FILTER_CELLS": CELLS} if kind else {})}
 
     def pieces(self) -> dict[str, str]:
         """GLSL chosen or made for this scene."""
@@ -82,6 +94,8 @@ class Scene:
             "generated/track.glsl": f'#include "medium/track_{self.config.tracking}.glsl"\n',
             "generated/phase.glsl": f'#include "{self.phase.piece}"\n',
             "generated/phase_block.glsl": self.phase.block,
+            "generated/lens.glsl": LENS_PIECE if self.camera.aperture_radius > 0 else "",
+            "generated/filter.glsl": "" if self.config.filter.kind == "box" else FILTER_PIECE,
         }
 
     def uniforms(self) -> dict[str, object]:
@@ -95,6 +109,8 @@ class Scene:
             "grid_cells": pool.cells.shape,
             "seed": config.seed,
             "image_size": config.resolution,
+            "first_column": config.window[0],
+            "column_count": config.window[2],
             "max_bounces": config.max_bounces,
             "roulette_start": config.roulette_start,
             "start_offset": offset,
@@ -104,6 +120,13 @@ class Scene:
             "camera_forward": tuple(camera.forward),
             "camera_right": tuple(camera.right * scale),
             "camera_up": tuple(camera.up * scale),
+            "lens": (
+                camera.aperture_radius / pool.voxel_size_mm,
+                camera.focus_distance / pool.voxel_size_mm,
+                float(camera.aperture_blades),
+                camera.aperture_rotation,
+            ),
+            **filter_uniforms(config.filter),
             "environment_size": (2 * rows, rows),
             "light_count": len(self.light_table.entries),
             "directional_lights": [tuple(row) for row in self.light_table.directions.tolist()],

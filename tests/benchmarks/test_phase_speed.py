@@ -56,7 +56,13 @@ def rate(parameters, function, items):
     tables = pack_symmetric_tables([parameters])
     blocks = {2: pack_scattering([parameters]), 3: tables if len(tables) else np.zeros((1, 4), np.float32)}
     signature = f"vec3 {function}(vec3 wo, uvec4 rng)"
-    call = probe([], signature, prelude=CHAIN, blocks=blocks, constants={"RANDOM_PHILOX": 0, "FIBER_SYMMETRIC": int(len(tables) > 0)})
+    call = probe(
+        [],
+        signature,
+        prelude=CHAIN,
+        blocks=blocks,
+        constants={"RANDOM_PHILOX": 0, "FIBER_SYMMETRIC": int(len(tables) > 0)},
+    )
     wo, keys = np.array([0.6, 0.8, 0.0]), random_keys(items, seed=1)
     call(wo, keys[:64])
     seconds = []

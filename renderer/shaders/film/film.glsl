@@ -2,6 +2,7 @@
 // do not depend on scheduling. Needs from the program: film[], film_pixel_count().
 //   0: radiance, opacity   1: radiance squared, depth of the first scattering [voxels]
 //   2: t_x t_x, t_y t_y, t_x t_y, t_x t_z of the fiber axis t there   3: albedo there, t_y t_z
+//   4: opacity as the filter weighs it, paths cut short, 0, 0
 // An axis has no sign, so its outer product is summed, never the vector. t_z t_z is what is missing to the number of
 // first scatterings, and that number is the sum of opacity.
 
@@ -13,6 +14,14 @@ void film_add(uint pixel, uint layer, vec4 value) {
 void film_add_sample(uint pixel, vec3 radiance, float opacity) {
     film_add(pixel, 0u, vec4(radiance, opacity));
     film_add(pixel, 1u, vec4(radiance * radiance, 0.0));
+}
+
+void film_add_filtered_opacity(uint pixel, float opacity) {
+    film_add(pixel, 4u, vec4(opacity, 0.0, 0.0, 0.0));
+}
+
+void film_add_cut(uint pixel) {
+    film_add(pixel, 4u, vec4(0.0, 1.0, 0.0, 0.0));
 }
 
 void film_add_first_scattering(uint pixel, float depth, vec3 axis, vec3 albedo) {

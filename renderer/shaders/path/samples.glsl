@@ -1,8 +1,13 @@
 // The beginning and the end of a sample: a camera ray, and what the finished path adds to its pixel.
 #include "camera/camera.glsl"
+#constant CAMERA_LENS
+#constant PIXEL_FILTER
+#include "generated/lens.glsl"    // camera/lens.glsl, film/filter.glsl; empty where the scene needs neither
+#include "generated/filter.glsl"
 #include "path/scatter.glsl"
 
 const uint NO_PIXEL = 0xffffffffu;
+const uint LENS_DIMENSION = 0xfffffffeu;  // which no path of less than a billion events reaches
 
 // Light met on leaving the volume; a path that ran into nothing sees the background.
 vec3 escaped_radiance(Path p) {
@@ -11,20 +16,43 @@ vec3 escaped_radiance(Path p) {
     return p.throughput * environment.rgb * phase_weight(environment.w, p.phase_pdf);
 }
 
+// Where in the picture the sample lies [pixels], and how much it counts: 1, or what the filter says.
+vec2 sample_place(uvec4 rng, out float weight) {
+    uvec4 shift = pcg4d(uvec4(rng.x, 0xffffffffu, 0u, seed));
+    vec2 pixel = vec2(rng.x % image_size.x, rng.x / image_size.x);
+    vec2 jitter = pixel_jitter(rng.y, shift.xy);
+    weight = 1.0;
+#if PIXEL_FILTER
+    return pixel + 0.5 + filter_offset(jitter, weight);
+#else
+    return pixel + jitter;
+#endif
+}
+
 void finish_sample(inout Path p) {
     p.radiance += escaped_radiance(p);
     bool broken = any(isnan(p.radiance)) || any(isinf(p.radiance));
     broken_samples += uint(broken);
-    film_add_sample(film_pixel(p.rng.x), broken ? vec3(0.0) : p.radiance, p.bounce > 0u ? 1.0 : 0.0);
+    float opacity = p.bounce > 0u ? 1.0 : 0.0;
+    vec3 radiance = broken ? vec3(0.0) : p.radiance;
+#if PIXEL_FILTER
+    float weight;
+    sample_place(p.rng, weight);
+    radiance *= weight;
+    film_add_filtered_opacity(film_pixel(p.rng.x), weight * opacity);
+#endif
+    film_add_sample(film_pixel(p.rng.x), radiance, opacity);
     finished_samples += 1u;
     p.mode = MODE_IDLE;
 }
 
 void start_camera_ray(inout Path p) {
-    uvec4 shift = pcg4d(uvec4(p.rng.x, 0xffffffffu, 0u, seed));
-    vec2 pixel = vec2(p.rng.x % image_size.x, p.rng.x / image_size.x);
-    vec2 place = (pixel + pixel_jitter(p.rng.y, shift.xy)) / vec2(image_size) * 2.0 - 1.0;
+    float weight;
+    vec2 place = sample_place(p.rng, weight) / vec2(image_size) * 2.0 - 1.0;
     camera_ray(vec2(place.x, -place.y), p.origin, p.direction);
+#if CAMERA_LENS
+    lens_ray(unit_interval(random_bits(uvec4(p.rng.xy, LENS_DIMENSION, seed))).xy, p.origin, p.direction);
+#endif
     p.direction = without_zeros(p.direction);
     p.radiance = vec3(0.0);
     p.throughput = vec3(1.0);

@@ -39,6 +39,7 @@ void scatter(inout Path p) {
     }
     if (p.bounce >= max_bounces) {
         cut_paths += 1u;
+        film_add_cut(film_pixel(p.rng.x));
         p.mode = MODE_ESCAPED;
         p.throughput = vec3(0.0);
         return;

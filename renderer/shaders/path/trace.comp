@@ -22,6 +22,8 @@ uniform uint seed;
 uniform uvec2 image_size;
 uniform uint first_row;  // of this pass
 uniform uint row_count;
+uniform uint first_column;  // of the part of the picture that is rendered
+uniform uint column_count;
 uniform uint sample_begin;
 uniform uint sample_end;
 uniform uint max_bounces;
@@ -48,20 +50,21 @@ uint majorant_violations = 0u;
 
 // Where a pixel's sums lie among those of this pass.
 uint film_pixel(uint pixel) {
-    return pixel - first_row * image_size.x;
+    uint row = pixel / image_size.x;
+    return (row - first_row) * column_count + (pixel - row * image_size.x - first_column);
 }
 
 uint film_pixel_count() {
-    return row_count * image_size.x;
+    return row_count * column_count;
 }
 
 // The n-th pixel of this pass: column by column in strips of 16 rows, so that paths at work at the same time lie near
 // each other and share the voxels in the caches.
 uint nth_pixel(uint n) {
-    uint strip = n / (16u * image_size.x);
+    uint strip = n / (16u * column_count);
     uint rows = min(16u, row_count - strip * 16u);
-    uint m = n - strip * 16u * image_size.x;
-    return (first_row + strip * 16u + m % rows) * image_size.x + m / rows;
+    uint m = n - strip * 16u * column_count;
+    return (first_row + strip * 16u + m % rows) * image_size.x + first_column + m / rows;
 }
 
 #include "generated/voxel_pages.glsl"
