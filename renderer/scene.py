@@ -161,7 +161,7 @@ def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scatterin
 
 
 def _fiber_phase_table(fibers: list[FiberScatteringParameters]) -> PhaseTable:
-    """The media, then the tables of the symmetric ones: one buffer, since OpenGL 4.3 promises eight in all."""
+    """The media, then the tables of the symmetric ones: in one buffer, since OpenGL 4.3 promises eight."""
     tables = pack_symmetric_tables(fibers)
     constants = {"MEDIUM_COUNT": len(fibers), "FIBER_SYMMETRIC": int(len(tables) > 0)}
     block = (

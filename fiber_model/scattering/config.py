@@ -62,8 +62,8 @@ class LobesConfig(BaseModel):
     color_trt: Color = (1.0, 1.0, 1.0)
     """Color of light reflected inside, C_TRT; absorption suggests C_TT to the power 1.9."""
     longitudinal: Literal["gaussian", "vmf", "symmetric"] = "gaussian"
-    """Shape along the fiber: gaussian (Khungurn et al. 2015), vmf (d'Eon et al. 2011), or symmetric: the same
-    light comes through when it travels backwards, which the other two do not keep where the fiber reflects."""
+    """Shape along the fiber: gaussian (Khungurn et al. 2015), vmf (d'Eon et al. 2011), or symmetric, whose
+    light travels backwards as it does forwards (reciprocity)."""
     azimuthal: Literal["wrapped_normal", "von_mises"] = "wrapped_normal"
     """Shape around the fiber, of the lobes that are not uniform."""
 

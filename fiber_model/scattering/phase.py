@@ -3,8 +3,8 @@
 f_p(wo, wi) = Σ a_k(theta_o) M_k(theta_o, theta_i) N_k(phi) per steradian; ∫ f_p dwi = Σ a_k for every wo.
 Local frame: the fiber is the x axis, theta the inclination from its normal plane, phi the azimuth around it;
 wo and wi both point away from the scattering point. Colors last: values have shape [..., 3], linear RGB.
-With the longitudinal kind `symmetric` the R lobe is two: its part at normal incidence, and a fourth one, last,
-for what Schlick's term adds toward grazing. numpy twin of renderer/shaders/phase/fiber.glsl.
+With the longitudinal kind `symmetric` the R lobe is two: its part at normal incidence, and, as a fourth lobe,
+what Schlick's term adds toward grazing. numpy twin of renderer/shaders/phase/fiber.glsl.
 """
 
 from __future__ import annotations

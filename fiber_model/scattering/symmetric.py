@@ -1,20 +1,20 @@
 """The reciprocal longitudinal lobe: Sinkhorn-scaled, energy-conserving with a Fresnel factor inside.
 
-A lobe that keeps the energy a(theta_o) and obeys cos(theta_o) A(theta_o, theta_i) = cos(theta_i) A(theta_i, theta_o),
-the reciprocity of fibers whose extinction goes with cos(theta), is
+A lobe A(theta_o, theta_i) with the energy a(theta_o) for which cos(theta_o) A is symmetric in its angles, the
+reciprocity of fibers whose extinction goes with cos(theta), is
 
     A = a M,   M = q(theta_o) q(theta_i) a(theta_i) g(theta_o + theta_i; beta) cos(theta_i),
 
-g the normal density, if 1/q(theta_o) = ∫ q a(theta) g(theta_o + theta) cos²(theta) dtheta: symmetric matrix scaling
-(Sinkhorn 1964) in the continuum. ln q is smooth; it is kept as a cubic Hermite table, which *is* the model: the
-reciprocity is exact, the energy right to the table's error (README). Three marginals a:
+g the normal density, if 1/q(theta_o) = ∫ q a(theta) g(theta_o + theta) cos²(theta) dtheta: the scaling of a
+symmetric matrix (Sinkhorn 1964) in the continuum. ln q is smooth; kept as a cubic Hermite table, it *is* the
+model: reciprocity is exact, the energy right to the table's error (README). Three marginals a:
 
     base      1                      R at normal incidence
     grazing   s = (1 - cos theta)^5  what Schlick's term adds to R
     entering  1 - s                  TT and TRT
 
-Schlick's F = F_R + (1 - F_R) s makes a_R = C_R (F_R base + (1 - F_R) grazing), 1 - F = (1 - F_R) entering: no table
-depends on a color, and the sum of reciprocal lobes is reciprocal, channel by channel.
+Schlick's F = F_R + (1 - F_R) s makes a_R = C_R (F_R base + (1 - F_R) grazing), 1 - F = (1 - F_R) entering: no
+table depends on a color, and the sum of reciprocal lobes is reciprocal, channel by channel.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 MARGINALS = ("base", "entering", "grazing")
 TABLE_CELLS = 64
-"""Cells of t = sqrt(1 - |theta| / 90°) in [0, 1]: dense toward the pole, where q bends within a width beta."""
+"""Cells of t = sqrt(1 - |theta| / 90°) in [0, 1]: dense at the pole, where q bends within a width beta."""
 
 _HALF_PI = np.pi / 2
 _SETTLED = 1e-14
@@ -64,7 +64,7 @@ def symmetric_lobe(marginal: str, beta: float) -> SymmetricLobe:
     kernel = (_normal(theta[:, None] - theta, beta) + _normal(theta[:, None] + theta, beta)) * energy
     q = 1 / np.cos(theta)  # the limit of a narrow lobe, up to the square root of a
     for _ in range(_MAX_ROUNDS):
-        # the geometric mean of the old q and 1 / (kernel q): its error at least halves, as the kernel is positive
+        # geometric mean of the old q and 1 / (kernel q): the error at least halves, as the kernel is positive
         scaled = np.sqrt(q / _applied(kernel, q))
         change = np.abs(scaled / q - 1).max()
         q = scaled

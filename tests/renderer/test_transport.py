@@ -65,11 +65,14 @@ def furnace(scattering, grid, *, spp=64, seed=1, **settings):
     return run(config, volume(grid), {"a": scattering})
 
 
-@pytest.mark.parametrize("name", TABLE)
+SYMMETRIC = {"symmetric": dataclasses.replace(TABLE["reference"], longitudinal="symmetric")}
+
+
+@pytest.mark.parametrize("name", TABLE | SYMMETRIC)
 @pytest.mark.parametrize("peak", [0.02, 1.0])
 def test_white_furnace(name, peak):
     """A volume that absorbs nothing cannot be seen in uniform light, thin or dense."""
-    result = furnace(TABLE[name], random_grid((3, 3, 3), seed=21, fill=0.6, peak=peak))
+    result = furnace((TABLE | SYMMETRIC)[name], random_grid((3, 3, 3), seed=21, fill=0.6, peak=peak))
     assert abs(z_score(result, 1.0)) < Z_LIMIT
     assert picture_mean(result)[1] < 0.004
     assert result.statistics.cut_paths == 0
@@ -82,9 +85,12 @@ def test_white_furnace_of_isotropic_scattering():
     assert abs(z_score(result, 1.0)) < Z_LIMIT
 
 
-def test_white_furnace_by_phase_sampling_alone_is_exact():
+@pytest.mark.parametrize(
+    "scattering", [TABLE["reference"], SYMMETRIC["symmetric"]], ids=["gaussian", "symmetric"]
+)
+def test_white_furnace_by_phase_sampling_alone_is_exact(scattering):
     """Without light sampling every path of a white fiber brings back 1: all weights are 1."""
-    result = furnace(TABLE["reference"], random_grid((2, 2, 2), seed=22, peak=1.0), sampling="phase", spp=4)
+    result = furnace(scattering, random_grid((2, 2, 2), seed=22, peak=1.0), sampling="phase", spp=4)
     np.testing.assert_allclose(result.radiance, 1.0, rtol=2e-4)
 
 

@@ -97,13 +97,9 @@ vec3 fiber_lobes_value(FiberLobes lobes, vec4 densities) {
 }
 
 // The one loop of the sampler: (sin theta_i, cos theta_i) of the Gaussian or symmetric lobe, and phi where it is von
-// Mises. All are tried twice per turn with acceptance of at least 0.58 (0.35 for the grazing part of a symmetric R), so
-// FIBER_TURNS leave a chance below 1e-8 that a lobe stays pending; it then takes about the lobe's mode.
-#if FIBER_SYMMETRIC == 1
-const int FIBER_TURNS = 24;
-#else
-const int FIBER_TURNS = 12;
-#endif
+// Mises. All are tried twice per turn, with acceptance of at least 0.65, or 0.49 for symmetric, so FIBER_TURNS leave a
+// chance below 1e-9 that a lobe stays pending; it then takes about the lobe's mode.
+const int FIBER_TURNS = 16;
 
 vec2 fiber_rejection(
     bool theta_pending, FiberScattering s, FiberLobes lobes, float beta, vec4 lane, vec4 around, inout uvec4 rng,

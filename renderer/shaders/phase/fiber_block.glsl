@@ -18,4 +18,4 @@ struct FiberScattering {
 const int FIBER_TABLE_CELLS = 64;
 const int FIBER_ENVELOPE_CELLS = 32;
 const int FIBER_ENVELOPE_ROW = 130;
-const float FIBER_TABLE_BEND = 0.9;
+const vec4 FIBER_TABLE_BEND = vec4(0.9, 0.9, 0.9, 8.0);

@@ -49,14 +49,16 @@ vec4 fiber_symmetric_eval(FiberScattering s, vec4 scale, float sin_o, float cos_
 }
 
 // Rejection sampling. With x = theta on the side of -theta_o, the target is w(x) g(x - |theta_o|), w = q a cos^2.
-// ln w(x) + FIBER_TABLE_BEND x^2/2 <= bound + tilt x, so a Gaussian of precision 1/beta^2 + FIBER_TABLE_BEND lies
-// above it. bound is the maximum of functions linear in tilt, hence convex: both may be interpolated linearly.
-// The grazing lane has w(0) = 0 and a second, far mode: only x > 0 is proposed, the sign is chosen afterwards.
+// ln w(x) + bend x^2/2 <= bound + tilt x, so a Gaussian of precision 1/beta^2 + bend lies above it. The grazing lane
+// has w(0) = 0 and a second, far mode, exp(-far_rate x) as likely: only x > 0 is proposed, with the sum of both in
+// place of w, and the sign is chosen with the acceptance. bound is the maximum of functions convex in (tilt, theta_o),
+// hence convex: interpolated linearly in theta_o, both stay valid between the nodes.
 struct SymmetricProposal {
     vec4 lane;          // one for the lobe to sample
     float side;         // sign of -theta_o
     float mean;
     float deviation;
+    float bend;
     float tilt;
     float bound;
     float far_rate;     // the far side is less likely by exp(-far_rate x)
@@ -66,12 +68,13 @@ SymmetricProposal fiber_symmetric_proposal(FiberScattering s, float sin_o, float
     float at = fiber_symmetric_place(sin_o, cos_o) * float(FIBER_ENVELOPE_CELLS);
     int cell = min(int(at), FIBER_ENVELOPE_CELLS - 1);
     int row = int(s.table.x) + FIBER_ENVELOPE_ROW + 2 * cell;
-    float f = at - float(cell);
+    float f = (at * at - float(cell * cell)) / float(2 * cell + 1);  // theta_o is linear in place^2
     float beta = dot(lane, fiber_symmetric_widths(s));
     float from_normal = arctangent(abs(sin_o), cos_o);
     float concentration = 1.0 / (beta * beta);
-    float variance = 1.0 / (concentration + FIBER_TABLE_BEND);
     SymmetricProposal p;
+    p.bend = dot(lane, FIBER_TABLE_BEND);
+    float variance = 1.0 / (concentration + p.bend);
     p.lane = lane;
     p.side = sin_o > 0.0 ? -1.0 : 1.0;
     p.tilt = dot(lane, mix(fiber_table[row], fiber_table[row + 2], f));
@@ -90,8 +93,7 @@ bool fiber_symmetric_try(FiberScattering s, SymmetricProposal p, float normal, f
     float cos_x = cos(x);
     float log_q = dot(p.lane, fiber_symmetric_log_q(s, fiber_symmetric_place(sin(x), cos_x)));
     float chance = dot(p.lane, fiber_symmetric_marginal(cos_x)) * cos_x * cos_x
-        * exp(log_q + x * (0.5 * FIBER_TABLE_BEND * x - p.tilt) - p.bound);
-    chance *= grazing ? 0.5 : 1.0;
+        * exp(log_q + x * (0.5 * p.bend * x - p.tilt) - p.bound);
     bool near = u < chance;
     bool far = !near && grazing && u < chance * (1.0 + exp(-p.far_rate * x));
     theta = near ? p.side * x : (far ? -p.side * x : theta);

@@ -78,7 +78,7 @@ def test_types_have_lobes_of_their_own():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"longitudinal": "symmetric"}, "issue 5 adds it"),
+        ({"longitudinal": "symmetrical"}, "'gaussian', 'vmf' or 'symmetric'"),
         ({"fresnel_r": 1.5}, "less than or equal to 1"),
         ({"longitudinal_width_tt_deg": 0.1}, "greater than or equal to 0.5"),
         ({"azimuthal_width_tt_deg": float("nan")}, "finite"),

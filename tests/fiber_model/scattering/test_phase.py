@@ -103,7 +103,7 @@ CHI_SQUARE = list(itertools.product(CORNERS, (50.0, 89.0)))
 
 def chi_square_of_samples(parameters, theta_o, sample_count):
     bins = fiber_bins(parameters, theta_o)
-    assert bins.total == pytest.approx(1, abs=1e-6)
+    assert bins.total == pytest.approx(1, abs=5e-5 if parameters.longitudinal == "symmetric" else 1e-6)
     u = np.random.default_rng(11).random((sample_count, 4))
     wi, _, _ = fiber_phase_sample(parameters, np.broadcast_to(direction(theta_o, 0.0), (sample_count, 3)), u)
     return bins.p_value(*angles_from_tt(wi))
@@ -192,7 +192,6 @@ def test_azimuthal_samples_have_the_lobes_mean_resultant(gamma):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"longitudinal": "symmetric"}, "issue 5"),
         ({"longitudinal": "lambert"}, "longitudinal kind 'lambert' is unknown"),
         ({"azimuthal": "cauchy"}, "azimuthal kind 'cauchy' is unknown"),
         ({"longitudinal_width_tt": float("nan")}, "must lie in"),
