@@ -106,7 +106,8 @@ def lobe_densities(parameters: FiberScatteringParameters, wo: ArrayLike, wi: Arr
     around_tt = _azimuthal_eval(parameters.azimuthal, phi - np.pi, parameters.azimuthal_width_tt)
     around_trt = _azimuthal_eval(parameters.azimuthal, phi, parameters.azimuthal_width_trt)
     along = longitudinal_densities(parameters, theta_o, theta_i)
-    around = [1 / (2 * np.pi), around_tt, around_trt, 1 / (2 * np.pi)]
+    uniform = np.full(phi.shape, 1 / (2 * np.pi))
+    around = [uniform, around_tt, around_trt, uniform]
     return np.stack([m * n for m, n in zip(along, around, strict=False)], axis=-1)
 
 

@@ -14,10 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .parameters import FiberScatteringParameters
+from .phase import SYMMETRIC_MARGINALS
 
 jax.config.update("jax_enable_x64", True)
 
 import jax.numpy as jnp  # noqa: E402
+
+from .symmetric_jax import symmetric_eval  # noqa: E402
 
 _HALF_PI = np.pi / 2
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
@@ -99,12 +102,14 @@ def _distinct(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lobe_densities(kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections) -> jax.Array:
-    """M_k N_k [1/sr] of the lobes R, TT, TRT, shape [N, 3]."""
+    """M_k N_k [1/sr] of the lobes R, TT, TRT, shape [N, 3]; for the kind `symmetric` four, as in phase.py."""
     return jnp.stack(
         [
             along[directions.pair] * around[directions.around]
             for along, around in zip(
-                _along(kinds, parameters, directions), _around(kinds, parameters, directions.phi), strict=True
+                _along(kinds, parameters, directions),
+                _around(kinds, parameters, directions.phi),
+                strict=False,
             )
         ],
         axis=-1,
@@ -121,6 +126,11 @@ def _along(
         parameters.longitudinal_width_trt,
     )
     theta_o, theta_i = directions.theta_o[directions.pair_theta_o], directions.pair_theta_i
+    if kinds.longitudinal == "symmetric":
+        return tuple(
+            symmetric_eval(directions.theta_o, directions.pair_theta_o, theta_i, beta, marginal)
+            for beta, marginal in zip((*widths, widths[0]), SYMMETRIC_MARGINALS, strict=True)
+        )
     if kinds.longitudinal == "vmf":
         return tuple(vmf_eval(theta_o, theta_i, beta) for beta in widths)
     return tuple(
@@ -131,11 +141,11 @@ def _along(
 
 
 def _around(kinds: LobeKinds, parameters: LobeParameters, phi: jax.Array) -> tuple[jax.Array, ...]:
-    """N_k of each distinct azimuth, shape [q] each."""
+    """N_k of each distinct azimuth, shape [q] each; the last only where `_along` gives four lobes."""
     evaluate = wrapped_normal_eval if kinds.azimuthal == "wrapped_normal" else von_mises_eval
     uniform = jnp.full(phi.shape, 1 / (2 * np.pi))
     around_trt = uniform if kinds.uniform_trt else evaluate(phi, parameters.azimuthal_width_trt)
-    return uniform, evaluate(phi - np.pi, parameters.azimuthal_width_tt), around_trt
+    return uniform, evaluate(phi - np.pi, parameters.azimuthal_width_tt), around_trt, uniform
 
 
 def lobe_energies(parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
@@ -153,6 +163,14 @@ def lobe_energies(parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
     )
 
 
+def symmetric_lobe_energies(parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
+    """a_k(theta_o) of the four lobes of the kind `symmetric`, shape [..., 4 lobes, channels]."""
+    three = lobe_energies(parameters, cos_o)
+    grazing = parameters.color_r * (1 - parameters.fresnel_r) * schlick(cos_o)[..., None]
+    at_normal = jnp.broadcast_to(parameters.color_r * parameters.fresnel_r, grazing.shape)
+    return jnp.stack([at_normal, three[..., 1, :], three[..., 2, :], grazing], axis=-2)
+
+
 def schlick(cos_o: jax.Array) -> jax.Array:
     """(1 - cos theta_o)^5, Schlick's rise of the Fresnel term to grazing light."""
     return (1 - jnp.minimum(cos_o, 1.0)) ** 5
@@ -162,7 +180,8 @@ def fiber_phase_eval(
     kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections
 ) -> jax.Array:
     """f_p [1/sr] of each direction, shape [N, channels]."""
-    energies = lobe_energies(parameters, jnp.cos(directions.theta_o))
+    energies_of = symmetric_lobe_energies if kinds.longitudinal == "symmetric" else lobe_energies
+    energies = energies_of(parameters, jnp.cos(directions.theta_o))
     densities = lobe_densities(kinds, parameters, directions)
     of_direction = energies[directions.pair_theta_o[directions.pair]]
     return (of_direction * densities[..., None]).sum(axis=-2)

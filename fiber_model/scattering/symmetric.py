@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,78 +31,88 @@ Array = NDArray[np.float64]
 MARGINALS = ("base", "entering", "grazing")
 TABLE_CELLS = 64
 """Cells of t = sqrt(1 - |theta| / 90°) in [0, 1]: dense at the pole, where q bends within a width beta."""
+ROUNDS = 60
+"""Each halves the error at least."""
 
 _HALF_PI = np.pi / 2
 _SETTLED = 1e-14
-_MAX_ROUNDS = 100
 _SAMPLES_AT_ONCE = 16_384
+_REACH = 9.0
+"""The integral over a lobe spans this many widths on each side; beyond lies 2e-19 of a Gaussian."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 @dataclass(frozen=True)
 class SymmetricLobe:
     """ln q and its slope d ln q / dt at the nodes t = 0, 1/TABLE_CELLS, …, 1."""
 
-    beta: float
-    marginal: str
-    log_q: Array
-    slope: Array
+    log_q: Any
+    slope: Any
 
 
-def marginal_energy(marginal: str, cos_theta: ArrayLike) -> Array:
-    """a(theta) in [0, 1]."""
-    cos_theta = np.minimum(np.asarray(cos_theta, dtype=np.float64), 1.0)
+def marginal_energy(marginal: str, cos_theta: Any, xp: Any = np) -> Any:
+    """a(theta) in [0, 1]. `xp` is numpy or jax.numpy, here and below."""
+    cos_theta = xp.clip(cos_theta, 0.0, 1.0)
     if marginal == "base":
-        return np.ones_like(cos_theta)
+        return xp.ones_like(cos_theta)
     rise = (1 - cos_theta) ** 5
     return rise if marginal == "grazing" else 1 - rise
 
 
 @lru_cache(maxsize=256)
 def symmetric_lobe(marginal: str, beta: float) -> SymmetricLobe:
-    """Scale the lobe, then tabulate it. 1 to 200 ms, the narrower the longer."""
-    theta, weight = _half_circle_quadrature(beta)
-    energy = weight * np.cos(theta) ** 2 * marginal_energy(marginal, np.cos(theta))
-    kernel = (_normal(theta[:, None] - theta, beta) + _normal(theta[:, None] + theta, beta)) * energy
-    q = 1 / np.cos(theta)  # the limit of a narrow lobe, up to the square root of a
-    for _ in range(_MAX_ROUNDS):
-        # geometric mean of the old q and 1 / (kernel q): the error at least halves, as the kernel is positive
-        scaled = np.sqrt(q / _applied(kernel, q))
-        change = np.abs(scaled / q - 1).max()
-        q = scaled
-        if change < _SETTLED:
+    """The table of a lobe, scaled until it changes no more; a few milliseconds."""
+    integral, lobe = LobeIntegral.around_nodes(marginal, beta), start_lobe(beta)
+    for _ in range(ROUNDS):
+        before, lobe = lobe, rescaled(lobe, integral)
+        if np.abs(lobe.log_q - before.log_q).max() < _SETTLED:
             break
+    return lobe
+
+
+def start_lobe(beta: Any, xp: Any = np) -> SymmetricLobe:
+    """q = 1 / hypot(cos theta, beta): about a narrow lobe's limit, up to the square root of a."""
     nodes = np.linspace(0, 1, TABLE_CELLS + 1)
-    at = _HALF_PI * (1 - nodes**2)
-    less, more = at[:, None] - theta, at[:, None] + theta
-    mass = energy * q
-    inverse = _applied(_normal(less, beta) + _normal(more, beta), mass)
-    derivative = -_applied(less * _normal(less, beta) + more * _normal(more, beta), mass) / beta**2
-    # d ln q / dt = -(inverse' / inverse) dtheta/dt
-    return SymmetricLobe(beta, marginal, -np.log(inverse), np.pi * nodes * derivative / inverse)
+    log_q = -0.5 * xp.log(np.sin(_HALF_PI * nodes**2) ** 2 + beta**2)
+    return SymmetricLobe(log_q, xp.zeros_like(log_q))
 
 
-def _applied(matrix: Array, vector: Array) -> Array:
-    """matrix @ vector summed by one thread: the same bits on every machine's BLAS, and no threads to wake."""
-    return np.einsum("ij,j->i", matrix, vector)
+@dataclass(frozen=True)
+class LobeIntegral:
+    """∫ q a(theta) g(theta_o - theta) cos²(theta) dtheta at the nodes theta_o as a weighted sum; q is even."""
+
+    theta: Any
+    """Points of Gauss-Legendre within reach of each node, shape [TABLE_CELLS + 1, 64]."""
+    weight: Any
+    derivative_weight: Any
+    """The same for the integral's derivative with respect to t of the node."""
+
+    @classmethod
+    def around_nodes(cls, marginal: str, beta: Any, xp: Any = np) -> LobeIntegral:
+        nodes = np.linspace(0, 1, TABLE_CELLS + 1)[:, None]
+        center = _HALF_PI * (1 - nodes**2)
+        low = xp.clip(center - _REACH * beta, -_HALF_PI, _HALF_PI)
+        high = xp.clip(center + _REACH * beta, -_HALF_PI, _HALF_PI)
+        theta = 0.5 * (low + high) + 0.5 * (high - low) * _NODES
+        away = (center - theta) / beta
+        normal = xp.exp(-0.5 * away**2) / (beta * np.sqrt(2 * np.pi))
+        energy = marginal_energy(marginal, xp.cos(theta), xp) * xp.cos(theta) ** 2
+        weight = 0.5 * (high - low) * _WEIGHTS * normal * energy
+        return cls(theta, weight, weight * away / beta * np.pi * nodes)
 
 
-def _normal(deviation: Array, beta: float) -> Array:
-    return np.exp(-0.5 * (deviation / beta) ** 2) / (beta * np.sqrt(2 * np.pi))
+def rescaled(lobe: SymmetricLobe, integral: LobeIntegral, xp: Any = np) -> SymmetricLobe:
+    """The geometric mean of q and 1 / integral: the error at least halves, since the kernel is positive."""
+    q = xp.exp(log_q_at(lobe, integral.theta, xp))
+    inverse = (integral.weight * q).sum(axis=1)
+    slope = -(integral.derivative_weight * q).sum(axis=1) / inverse
+    return SymmetricLobe(0.5 * (lobe.log_q - xp.log(inverse)), 0.5 * (lobe.slope + slope))
 
 
-def _half_circle_quadrature(beta: float) -> tuple[Array, Array]:
-    """Gauss-Legendre on [0, pi/2] in panels no wider than beta; q and a are even."""
-    panels = int(np.ceil(_HALF_PI / min(beta, 0.12)))
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    half = 0.5 * _HALF_PI / panels
-    middle = half * (2 * np.arange(panels) + 1)
-    return (middle[:, None] + half * nodes).ravel(), np.tile(half * weights, panels)
-
-
-def log_q_at(lobe: SymmetricLobe, theta: ArrayLike) -> Array:
+def log_q_at(lobe: SymmetricLobe, theta: Any, xp: Any = np) -> Any:
     """ln q(theta), the cubic Hermite interpolant of the table."""
-    t = np.sqrt(np.clip(1 - np.abs(np.asarray(theta, dtype=np.float64)) / _HALF_PI, 0, 1))
-    cell = np.minimum((t * TABLE_CELLS).astype(np.int64), TABLE_CELLS - 1)
+    t = xp.sqrt(xp.clip(1 - xp.abs(theta) / _HALF_PI, 0.0, 1.0))
+    cell = xp.minimum((t * TABLE_CELLS).astype(int), TABLE_CELLS - 1)
     f = t * TABLE_CELLS - cell
     left, right = lobe.log_q[cell], lobe.log_q[cell + 1]
     bend_left = lobe.slope[cell] / TABLE_CELLS - (right - left)
@@ -115,7 +126,8 @@ def symmetric_eval(theta_o: ArrayLike, theta_i: ArrayLike, beta: float, marginal
     lobe = symmetric_lobe(marginal, beta)
     exponent = log_q_at(lobe, theta_o) + log_q_at(lobe, theta_i) - 0.5 * ((theta_o + theta_i) / beta) ** 2
     cos_i = np.cos(theta_i)
-    return np.exp(exponent) * marginal_energy(marginal, cos_i) * cos_i / (beta * np.sqrt(2 * np.pi))
+    value: Array = np.exp(exponent) * marginal_energy(marginal, cos_i) * cos_i / (beta * np.sqrt(2 * np.pi))
+    return value
 
 
 def symmetric_sample(theta_o: ArrayLike, beta: float, marginal: str, u: ArrayLike) -> Array:
