@@ -1,12 +1,19 @@
-"""`preset = "cotton2"`: the values of configs/presets/<family>/cotton2.toml lie under the table's own."""
+"""Values that lie under a table's own: of `preset = "cotton2"`, the file configs/presets/<family>/cotton2.toml,
+or, in [scattering], of `fit = "cotton_fit.json"`, a file of fitted parameters.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from pydantic import TypeAdapter, ValidationError
+
+from weft.files.errors import InputError
+from weft.files.input_file import InputFile
+
 from .merging import merge, merge_values, placed_at, sub_table, without
-from .messages import Problem, did_you_mean
-from .toml_source import KeyPath, TomlDocument, read_toml
+from .messages import Problem, did_you_mean, problem_from
+from .toml_source import KeyPath, Origin, TomlDocument, read_toml
 
 CONFIGS = Path(__file__).resolve().parent.parent / "configs"
 """`weft/configs` of an installed package, `configs/` of a checkout: in both it lies beside this folder."""
@@ -23,16 +30,18 @@ def preset_names(family: str) -> list[str]:
 
 
 def apply_presets(document: TomlDocument, problems: list[Problem]) -> TomlDocument:
-    """Each table that names a preset, completed by it. Unknown names are added to `problems`."""
+    """Each table that names a preset or a fit, completed by it. What is wrong is added to `problems`."""
     document = _complete_types(document)
     for family in FAMILIES:
-        for path in _tables_naming_a_preset(document, (family,)):
+        for path in _tables_naming("preset", document, (family,)):
             document = _complete(document, family, path, problems)
+    for path in _tables_naming("fit", document, BY_TYPE[:1]):
+        document = _complete_by_fit(document, path, problems)
     return document
 
 
 def _complete_types(document: TomlDocument) -> TomlDocument:
-    """Lay each [scattering.by_type.<yarn type>] over [scattering], unless it names a preset of its own.
+    """Lay each [scattering.by_type.<yarn type>] over [scattering], unless it names its own preset or fit.
 
     [fibers.by_type.…] is left as it is: the fiber stage lays it over [fibers] itself.
     """
@@ -42,7 +51,7 @@ def _complete_types(document: TomlDocument) -> TomlDocument:
         return document
     shared = without(base, "by_type")
     for name, table in types.table.items():
-        if isinstance(table, dict) and "preset" not in table:
+        if isinstance(table, dict) and not {"preset", "fit"} & set(table):
             path = (*BY_TYPE, name)
             document = merge(document, placed_at(merge(shared, _part(document, path)), path))
     return document
@@ -54,12 +63,12 @@ def _part(document: TomlDocument, path: tuple[str, ...]) -> TomlDocument:
     return part
 
 
-def _tables_naming_a_preset(document: TomlDocument, path: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _tables_naming(source: str, document: TomlDocument, path: tuple[str, ...]) -> list[tuple[str, ...]]:
     part = sub_table(document, path)
     if part is None:
         return []
-    below = [found for key in part.table for found in _tables_naming_a_preset(document, (*path, key))]
-    return [path, *below] if isinstance(part.table.get("preset"), str) else below
+    below = [found for key in part.table for found in _tables_naming(source, document, (*path, key))]
+    return [path, *below] if isinstance(part.table.get(source), str) else below
 
 
 def _complete(
@@ -74,7 +83,36 @@ def _complete(
         problems.append(Problem(document.origin(key), key, what))
         return document
     preset = read_toml(CONFIGS / "presets" / family / f"{name}.toml")
-    completed = placed_at(merge(preset, part), path)
+    return _laid_under(document, preset, path)
+
+
+def _complete_by_fit(document: TomlDocument, path: tuple[str, ...], problems: list[Problem]) -> TomlDocument:
+    from weft.fiber_model.scattering.parameter_file import load_parameters, read_document
+
+    part, key = _part(document, path), (*path, "fit")
+    origin = document.origin(key)
+    if "preset" in part.table:
+        problems.append(
+            Problem(origin, key, "a table takes its values from a preset or from a fit, not both")
+        )
+        return document
+    try:
+        file = TypeAdapter(InputFile).validate_python(part.table["fit"])
+        load_parameters(file)  # names what is wrong in the file itself
+        values = read_document(file)["scattering"]
+    except ValidationError as error:
+        problems.append(Problem(origin, key, error.errors()[0]["msg"]))
+    except InputError as error:
+        problems.append(problem_from(error, origin, key))
+    else:
+        origins = {(name,): Origin(file) for name in values}
+        return _laid_under(document, TomlDocument(values, origins), path)
+    return document
+
+
+def _laid_under(document: TomlDocument, lower: TomlDocument, path: tuple[str, ...]) -> TomlDocument:
+    """The document with the values of `lower` under those of its table at `path`."""
+    completed = placed_at(merge(lower, _part(document, path)), path)
     return TomlDocument(
         merge_values(document.table, completed.table), {**document.origins, **completed.origins}
     )

@@ -113,7 +113,7 @@ def make_scattering(work: StageWork) -> dict[str, Any]:
     media = {EVERY_MEDIUM: config.to_parameters()}
     media |= {name: config.parameters_for(name) for name in config.by_type}
     write_scattering(work.outputs["parameters"], media)
-    return {"summary": config.preset or "as given"}
+    return {"summary": config.preset or (config.fit.name if config.fit else "as given")}
 
 
 def make_image(work: StageWork) -> dict[str, Any]:

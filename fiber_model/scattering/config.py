@@ -8,6 +8,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from weft.files.input_file import InputFile
+
 from .parameters import FiberScatteringParameters
 
 
@@ -40,6 +42,8 @@ class LobesConfig(BaseModel):
 
     preset: str | None = None
     """Name of the table of presets/scattering/ that the values came from; the caller merges it."""
+    fit: InputFile | None = None
+    """A .json file of fitted parameters that the values came from; the caller merges it."""
 
     longitudinal_width_r_deg: LongitudinalWidth
     """Width of the R lobe along the fiber, beta_R: the roughness of the fiber's surface."""

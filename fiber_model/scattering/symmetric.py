@@ -79,7 +79,7 @@ def start_lobe(beta: Any, xp: Any = np) -> SymmetricLobe:
 
 @dataclass(frozen=True)
 class LobeIntegral:
-    """∫ q a(theta) g(theta_o - theta) cos²(theta) dtheta at the nodes theta_o as a weighted sum; q is even."""
+    """∫ q a(theta) g(theta_o - theta) cos²(theta) dtheta at the nodes theta_o, as sums; q is even."""
 
     theta: Any
     """Points of Gauss-Legendre within reach of each node, shape [TABLE_CELLS + 1, 64]."""

@@ -243,3 +243,58 @@ def test_a_wrong_preset_name_lists_those_there_are_and_nothing_else(folder, some
     ]
     with pytest.raises(InputError, match="; there is: cotton1, cotton2"):
         preset_lines(folder, '[fibers]\npreset = "../../x"\n')
+
+
+FIT_JOB = '[scattering]\nfit = "fit.json"\n'
+
+
+def fitted(folder, **changes):
+    from weft.fiber_model.scattering.config import LobesConfig
+    from weft.fiber_model.scattering.parameter_file import ScatteringParameterFile, save_parameters
+
+    widths = {f"longitudinal_width_{lobe}_deg": 7.25 for lobe in ("r", "tt", "trt")}
+    values = {**widths, "azimuthal_width_tt_deg": 31.5, "fresnel_r": 0.04, "fresnel_tt": 0.8, **changes}
+    content = ScatteringParameterFile(LobesConfig(**values), {"source": "a test", "method": "none"})
+    save_parameters(folder.path / "fit.json", content)
+
+
+def fit_lines(folder, text):
+    from weft.pipeline.config import load
+
+    folder.job_path.write_text(text)
+    return load(folder.job_path).config.scattering
+
+
+def test_a_fit_lies_under_the_keys_of_its_table(folder):
+    fitted(folder, color_tt=(0.9, 0.8, 0.7))
+    scattering = fit_lines(folder, FIT_JOB + "color_trt = 0.5\n[scattering.by_type.weft]\nfresnel_tt = 0.5\n")
+    assert scattering.fit == folder.path / "fit.json"
+    assert scattering.color_trt == (0.5, 0.5, 0.5)
+    weft = scattering.by_type["weft"]
+    assert (weft.fresnel_tt, weft.azimuthal_width_tt_deg, weft.color_tt) == (0.5, 31.5, (0.9, 0.8, 0.7))
+
+
+def test_yarn_types_take_fits_of_their_own(folder):
+    fitted(folder)
+    text = '[scattering]\npreset = "reference"\n[scattering.by_type.weft]\nfit = "fit.json"\n'
+    assert fit_lines(folder, text).by_type["weft"].longitudinal_width_tt_deg == 7.25
+
+
+def test_what_is_wrong_with_a_fit_is_said_once(folder):
+    fitted(folder)
+    for text, message in (
+        ('[scattering]\nfit = "fid.json"\n', "file not found: {0}/fid.json; did you mean 'fit.json'?"),
+        (
+            FIT_JOB + 'preset = "reference"\n',
+            "a table takes its values from a preset or from a fit, not both",
+        ),
+    ):
+        with pytest.raises(InputError) as caught:
+            fit_lines(folder, text)
+        expected = f"{folder.job_path}:2: scattering.fit: {message.format(folder.path)}"
+        assert str(caught.value).splitlines() == [expected]
+    (folder.path / "fit.json").write_text('{"format": "other"}')
+    with pytest.raises(InputError) as caught:
+        fit_lines(folder, FIT_JOB)
+    assert str(caught.value).startswith(f"{folder.path}/fit.json: holds no fitted scattering parameters")
+    assert len(str(caught.value).splitlines()) == 1
