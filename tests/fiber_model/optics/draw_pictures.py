@@ -124,7 +124,7 @@ def _draw_material(axis: Any, material: FiberMaterial, theta_deg: int) -> None:
         phi = np.append(result.bins.phi, result.bins.phi[0])
         axis.plot(phi, np.cbrt(np.append(density, density[0])), color=color, linewidth=1.1, label=shape)
     marks = (0.01, 0.1, 0.3)
-    axis.set(ylim=(0, 0.88), xticks=np.radians([0, 90, 180, 270]))
+    axis.set(ylim=(0, 0.95), xticks=np.radians([0, 90, 180, 270]))
     axis.set_yticks(np.cbrt(marks), [f"{mark:g}" for mark in marks], fontsize=6)
     axis.set_title(f"{material.name}, light at {theta_deg}°")
     if theta_deg == INCLINATIONS_DEG[0]:
@@ -132,14 +132,14 @@ def _draw_material(axis: Any, material: FiberMaterial, theta_deg: int) -> None:
 
 
 def _save(figure: Any, path: Path) -> None:
-    """As a PNG of 64 colors."""
+    """As a PNG of 200 colors."""
     from matplotlib import pyplot as plt
     from PIL import Image
 
     figure.savefig(path)
     plt.close(figure)
     with Image.open(path) as image:
-        small = image.convert("RGB").quantize(64)
+        small = image.convert("RGB").quantize(200)
     small.save(path, optimize=True)
 
 
