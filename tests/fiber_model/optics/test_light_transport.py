@@ -245,10 +245,10 @@ def test_without_the_floor_every_path_keeps_all_its_light(cross_section: str) ->
 @pytest.mark.parametrize("roughness", [0.0, 0.2])
 @pytest.mark.parametrize("cross_section", SHAPES)
 def test_without_absorption_energy_is_one_to_a_thousandth(cross_section: str, roughness: float) -> None:
-    """4 million paths; 1e-3 is 5 standard errors or more."""
-    result = run(fiber(cross_section, roughness=roughness, theta_i_deg=(50.0,), paths=4_000_000))
+    """7 million paths; 1e-3 is 5 standard errors (6e-7 for each of the 14)."""
+    result = run(fiber(cross_section, roughness=roughness, theta_i_deg=(50.0,), paths=7_000_000))
     mean, error = result.albedo()
-    assert np.all(error < 2.1e-4)
+    assert np.all(error < 2e-4)
     assert np.all(np.abs(mean - 1) < 1e-3)
 
 
