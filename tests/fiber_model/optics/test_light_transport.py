@@ -46,11 +46,13 @@ def test_round_fiber_is_the_fresnel_series(theta_deg: float) -> None:
     assert _is_multinomial(counts, series / series.sum() * config.paths) > CERTAIN
 
 
-def test_absorption_follows_the_series() -> None:
-    config = fiber(theta_i_deg=(40.0,), absorption_per_mm=(0.0, 0.4, 3.0), paths=400_000)
+@pytest.mark.parametrize("absorption", [(0.0, 0.4, 3.0), (2.5, 3.0, 4.0)], ids=["light", "dark"])
+def test_absorption_follows_the_series(absorption: tuple[float, float, float]) -> None:
+    """The dark fiber leaves light so faint in every channel that Russian roulette is played for it."""
+    config = fiber(theta_i_deg=(40.0,), absorption_per_mm=absorption, paths=400_000)
     result = run(config)
-    for channel, absorption in enumerate(config.absorption_per_mm):
-        energies = SmoothCylinder(1.55, absorption).energies(np.radians(40))
+    for channel, per_radius in enumerate(absorption):
+        energies = SmoothCylinder(1.55, per_radius).energies(np.radians(40))
         z = (result.energies()[0, :, channel] - energies) / result.energy_errors()[0, :, channel]
         assert _worst_of(z) > CERTAIN
 
