@@ -8,20 +8,26 @@ from pathlib import Path
 from weft.files.errors import InputError
 from weft.files.suggestions import did_you_mean
 
+from .alta import read_alta, write_alta
 from .measurement_csv import read_csv, write_csv
 from .measurement_npz import read_npz, write_npz
 from .measurements import Measurements
 from .merl_measurements import read_merl_measurements, write_merl_measurements
+from .utia import read_utia, write_utia
 
 READERS: dict[str, Callable[[Path], Measurements]] = {
     ".csv": read_csv,
     ".npz": read_npz,
     ".binary": read_merl_measurements,
+    ".bin": read_utia,
+    ".alta": read_alta,
 }
 WRITERS: dict[str, Callable[[Measurements, Path], None]] = {
     ".csv": write_csv,
     ".npz": write_npz,
     ".binary": write_merl_measurements,
+    ".bin": write_utia,
+    ".alta": write_alta,
 }
 
 

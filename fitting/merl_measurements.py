@@ -38,7 +38,7 @@ def read_merl_measurements(path: Path) -> Measurements:
         phi_o=phi_o,
         values=values,
         quantity="brdf",
-        usable=(values >= 0).all(axis=1),
+        usable=np.all(values >= 0, axis=1),
         channels=("r", "g", "b"),
         source=f"MERL table {path.name}",
     )

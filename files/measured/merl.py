@@ -79,7 +79,7 @@ def write_merl(table: MerlTable, path: str | Path) -> None:
         table.planes.astype("<f8", copy=False).tofile(file)
 
 
-def cell_centers() -> tuple[Array, Array, Array]:
+def cell_centers() -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
     """theta_h [90], theta_d [90] and phi_d [180] in the middle of each cell, radians."""
     theta_h = ((np.arange(90) + 0.5) / 90.0) ** 2 * (np.pi / 2)
     theta_d = (np.arange(90) + 0.5) / 90.0 * (np.pi / 2)

@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from tests.fitting.damage import read_damaged
 from weft.files.errors import InputError
 from weft.fitting.measurement_csv import degrees_text, radians_from
 from weft.fitting.measurement_file import load_measurements, save_measurements
@@ -185,3 +186,11 @@ def test_archives_of_another_kind_are_refused(tmp_path):
     path.write_bytes(b"no archive")
     with pytest.raises(InputError, match=r"not a readable \.npz"):
         load_measurements(path)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_mutants_are_refused_or_read(tmp_path, suffix):
+    path = tmp_path / f"m{suffix}"
+    save_measurements(some_measurements(60), path)
+    refused, good = read_damaged(load_measurements, path.read_bytes(), path, most_bytes=4 << 20)
+    print(f"{refused} refused, {good} read")
