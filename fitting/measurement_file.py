@@ -13,6 +13,7 @@ from .measurement_csv import read_csv, write_csv
 from .measurement_npz import read_npz, write_npz
 from .measurements import Measurements
 from .merl_measurements import read_merl_measurements, write_merl_measurements
+from .rgl_measurements import read_rgl_measurements
 from .utia import read_utia, write_utia
 
 READERS: dict[str, Callable[[Path], Measurements]] = {
@@ -20,6 +21,7 @@ READERS: dict[str, Callable[[Path], Measurements]] = {
     ".npz": read_npz,
     ".binary": read_merl_measurements,
     ".bin": read_utia,
+    ".bsdf": read_rgl_measurements,
     ".alta": read_alta,
 }
 WRITERS: dict[str, Callable[[Measurements, Path], None]] = {
