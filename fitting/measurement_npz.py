@@ -35,14 +35,6 @@ def write_npz(measurements: Measurements, path: Path) -> None:
         np.savez_compressed(file, **fields)  # type: ignore[arg-type]  # numpy's stubs mix up its keywords
 
 
-def is_measurement_npz(path: Path) -> bool:
-    """Whether the archive says that it holds measurements; False also for what is no archive."""
-    try:
-        return str(_read_fields(path, ("schema",)).get("schema")) == SCHEMA
-    except InputError:
-        return False
-
-
 def read_npz(path: Path) -> Measurements:
     """Read a file written by `write_npz`; anything else is an `InputError` that names the file."""
     fields = _read_fields(path, KNOWN)

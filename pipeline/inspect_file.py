@@ -12,6 +12,7 @@ import numpy as np
 from weft.files.errors import InputError
 
 from .cache import stamp_of
+from .inspect_measurements import measurement_facts
 from .messages import did_you_mean
 from .run_record import parse_record, read_record
 
@@ -105,7 +106,7 @@ def _bounds(points: np.ndarray) -> Facts:
 
 
 def _npz(path: Path) -> Facts:
-    """Yarns, or curves of fibers."""
+    """Yarns, curves of fibers, or measurements."""
     try:
         with np.load(path, allow_pickle=False, max_header_size=10_000) as archive:
             names = set(archive.files)
@@ -113,6 +114,8 @@ def _npz(path: Path) -> Facts:
         raise InputError(f"is not a readable .npz file: {error}", path=path) from error
     except Exception as error:  # damaged archives make zipfile raise nearly anything
         raise InputError("is not a readable .npz file; is it damaged?", path=path) from error
+    if "theta_i" in names:
+        return measurement_facts(path)
     return _yarns(path) if "closed" in names else _fiber_curves(path)
 
 
@@ -381,6 +384,11 @@ READERS: dict[str, Callable[[Path], Facts]] = {
     ".obj": _obj,
     ".vdb": _volume,
     ".nvdb": _volume,
+    ".csv": measurement_facts,
+    ".alta": measurement_facts,
+    ".bsdf": measurement_facts,
+    ".binary": measurement_facts,
+    ".bin": measurement_facts,
     ".exr": _exr,
     ".png": _png,
     ".toml": _job,
