@@ -126,6 +126,33 @@ def test_tight_bends_do_not_fold_over(fiber_config, yarn_loop) -> None:
     assert gentle.report.warnings == ()
 
 
+@pytest.mark.parametrize("values", [{}, {"cords": 2}, {"ply_separation": "as_fitted"}])
+def test_folds_are_counted_where_radius_times_curvature_passes_1(values, fiber_config, yarn_loop) -> None:
+    """Loops of radius 2, flat: the count changes from none to all as the yarn's radius passes theirs."""
+    counts = [
+        run(
+            fiber_config("cotton1", fiber_count_scale=0.01, **values), yarn_loop(2.0, radius, wave=0.0)
+        ).report
+        for radius in (1.98, 2.02)
+    ]
+    assert counts[0].folded_node_count == 0
+    assert counts[1].folded_node_count == counts[1].node_count
+    assert f"at {counts[1].node_count} nodes the yarn bends tighter" in counts[1].warnings[0]
+
+
+def test_thick_places_fold_where_the_yarn_would_not(fiber_config, yarn_loop) -> None:
+    """Counted node by node, and squeezed like all folds: no fiber passes the center of curvature."""
+    variation = {"thickness_sd": 0.3, "thickness_length_mm": 3.0, "thick_places": "looser"}
+    config = fiber_config("cotton1", fiber_count_scale=0.1, variation=variation, fuzz=0.0)
+    fiber_set = run(config, yarn_loop(2.0, 1.5, wave=0.0))
+    tight = fiber_set.details["thickness"] * 1.5 > 2.0
+    assert 0.05 < tight.mean() < 0.6
+    assert abs(fiber_set.report.folded_node_count - tight.sum()) <= 0.01 * len(tight)
+    points = export_curves(fiber_set).points.reshape(fiber_set.report.body_fiber_count, -1, 3)
+    inward = -fiber_set.nodes["position"] / np.linalg.norm(fiber_set.nodes["position"], axis=1)[:, None]
+    assert ((points - fiber_set.nodes["position"]) * inward).sum(axis=-1).max() < 0.951 * 2.0
+
+
 @pytest.mark.parametrize(("ratio", "warned"), [(0.5, True), (0.75, False), (1.25, False), (5.0, True)])
 def test_warns_when_yarn_and_preset_differ_in_radius(ratio, warned, fiber_config, straight_yarn) -> None:
     config = fiber_config("cotton2", scale="as_fitted")
