@@ -127,8 +127,6 @@ def build_details(plans: list[YarnPlan], frames: YarnFrames, seed: int, dtype: n
         details["cord"][part] = _on_circle(
             phase_at_nodes(plan.cord_turns, plan.intervals) + begin_phase[yarn]
         )
-        if plan.closed:
-            details[part.stop - 1] = details[part.start]
     return details
 
 

@@ -11,7 +11,7 @@ from weft.files.errors import InputError
 
 from .config import FibersConfig
 from .fiber_arrays import YarnPlan
-from .plies import fitted_outer_radius, scaled_plies
+from .plies import PlyShape, fitted_outer_radius, scaled_plies
 from .yarns.yarns import YarnSet
 
 NODE_LIMIT = 2**28
@@ -112,22 +112,34 @@ def _warnings(plans: list[YarnPlan], ratios: np.ndarray, folded: int, demand: fl
 def segment_length(config: FibersConfig, yarn_radius: float) -> float:
     """Longest segment along a yarn [mm] that keeps within a part of a fiber radius of the true fiber.
 
-    From the curvature of the two helices at the border of a ply, and of a yarn bent to twice its own radius:
-    the sagitta of a segment of length h is curvature h^2 / 8.
+    From the curvature of the helices at the border of a ply, and of a yarn bent to twice its own radius: the
+    sagitta of a segment of length h is curvature h^2 / 8.
     """
     if config.segment_mm is not None:
         return config.segment_mm
     plies = scaled_plies(config, yarn_radius)
     curvature = 0.5 / yarn_radius
+    if config.cords > 1:
+        curvature += _cabled_curvature(plies)
+    else:
+        for radius, pitch in ((plies.center_radius, plies.ply_pitch), (plies.mean_radius, plies.fiber_pitch)):
+            if pitch != 0:
+                rate = 2.0 * np.pi / pitch
+                curvature += radius * rate**2 / (1.0 + (radius * rate) ** 2)
+    return float(np.sqrt(8.0 * config.sagitta_in_fiber_radii * config.fiber_radius_mm / curvature))
+
+
+def _cabled_curvature(plies: PlyShape) -> float:
+    """Of three helices that turn each other, against length along the yarn: radius times rate squared."""
+    turning, curvature = 0.0, 0.0
     for radius, pitch in (
+        (plies.cord_center_radius, plies.cord_pitch),
         (plies.center_radius, plies.ply_pitch),
         (plies.mean_radius, plies.fiber_pitch),
-        (plies.cord_center_radius, plies.cord_pitch),
     ):
-        if pitch != 0:
-            rate = 2.0 * np.pi / pitch
-            curvature += radius * rate**2 / (1.0 + (radius * rate) ** 2)
-    return float(np.sqrt(8.0 * config.sagitta_in_fiber_radii * config.fiber_radius_mm / curvature))
+        turning += 2.0 * np.pi / pitch if pitch != 0 else 0.0
+        curvature += radius * turning**2
+    return curvature
 
 
 def refuse_unknown_types(config: FibersConfig, yarns: YarnSet) -> None:

@@ -84,11 +84,14 @@ def smooth_normal(seed: int, place: YarnPlace, s: np.ndarray, length_mm: float) 
     nearest = np.floor(s / spacing).astype(np.int64)
     if place.closed and count < 2 * WINDOW + 2:
         return _around_short_loop(seed, place, s, length_mm, count)
+    first = int(nearest.min(initial=0)) - WINDOW
+    lattice = np.arange(first, int(nearest.max(initial=0)) + WINDOW + 2)
+    normals = _lattice_normals(seed, place.yarn, lattice % count if place.closed else lattice)
     total, square = np.zeros(len(s)), np.zeros(len(s))
     for step in range(-WINDOW, WINDOW + 2):
         at = nearest + step
         weight = np.exp(-2.0 * ((s - at * spacing) / length_mm) ** 2)
-        total += weight * _lattice_normal(seed, place.yarn, at % count if place.closed else at)
+        total += weight * normals[at - first]
         square += weight**2
     return total / np.sqrt(square)
 
@@ -102,14 +105,13 @@ def _around_short_loop(
     turns = np.arange(-2, 3) if count > WINDOW else np.arange(-WINDOW - 1, WINDOW + 2)
     distance = s[:, None, None] - (lattice[:, None] + turns * count) * spacing
     weight = np.exp(-2.0 * (distance / length_mm) ** 2).sum(axis=2)
-    normals = _lattice_normal(seed, place.yarn, lattice)
+    normals = _lattice_normals(seed, place.yarn, lattice)
     return (weight * normals).sum(axis=1) / np.sqrt((weight**2).sum(axis=1))
 
 
-def _lattice_normal(seed: int, yarn: int, index: np.ndarray) -> np.ndarray:
-    first = int(index.min(initial=0))
-    words = pcg4d(seed, yarn, np.arange(first, int(index.max(initial=0)) + 1), 0)
-    return normal_pair(words[0], words[1])[0].astype(np.float64)[index - first]
+def _lattice_normals(seed: int, yarn: int, index: np.ndarray) -> np.ndarray:
+    words = pcg4d(seed, yarn, index, 0)
+    return normal_pair(words[0], words[1])[0].astype(np.float64)
 
 
 def draw_slubs(seed: int, place: YarnPlace, config: VariationConfig) -> Slubs:

@@ -106,8 +106,9 @@ def test_closed_cabled_yarns_meet_at_both_levels(fiber_config, yarn_loop) -> Non
     assert np.linalg.norm(turn, axis=1).max() < 2 * np.linalg.norm(usual, axis=1).max()
 
 
-def test_bounds_hold_a_cabled_yarn(fiber_config, yarn_loop) -> None:
-    config = fiber_config("rayon3", cords=3, plies=2, fuzz=2.0, fiber_count_scale=1.0)
+@pytest.mark.parametrize("fuzz", [0.0, 2.0])
+def test_bounds_hold_a_cabled_yarn(fuzz, fiber_config, yarn_loop) -> None:
+    config = fiber_config("rayon3", cords=3, plies=2, fuzz=fuzz, fiber_count_scale=1.0)
     fiber_set = run(config, yarn_loop(6.0))
     made = strand_points(fiber_set, np.arange(fiber_set.stretch_count))
     bounds = fiber_set.stretch_bounds()
@@ -118,7 +119,11 @@ def test_bounds_hold_a_cabled_yarn(fiber_config, yarn_loop) -> None:
 
 
 def test_segments_follow_the_cabled_helix(fiber_config, straight_yarn) -> None:
-    config = fiber_config("cotton2", fuzz=0.0, cords=2, fiber_count_scale=0.2)
+    """Cords wound tightly, plies and fibers hardly, so that the cords decide the length of segments."""
+    config = fiber_config(
+        "cotton2", fuzz=0.0, cords=2, cord_pitch_mm=2.5, ply_pitch_mm=1e3, fiber_pitch_mm=1e3,
+        fiber_count_scale=0.2,
+    )  # fmt: skip
     coarse = run(config, straight_yarn(10.0))
     step = coarse.report.segment_mm
     fine = run(config.model_copy(update={"segment_mm": step / 2 * (1 + 1e-9)}), straight_yarn(10.0))

@@ -90,6 +90,22 @@ def test_directions_have_the_density_of_a_cosine() -> None:
     assert stats.kstest((drawn.length - 2.0) / 0.4, "norm").pvalue > 1e-4
 
 
+def test_hairs_made_in_warp_leave_their_ply_like_lambert(fiber_config, straight_yarn) -> None:
+    """One round ply, straight hairs: the way out of the ply is the way out of the yarn."""
+    config = fiber_config(
+        "cotton1", **BARE, plies=1, ply_center_radius_mm=0.0, ellipse_long_mm=0.1, ellipse_short_mm=0.1,
+        scale="as_fitted", walk_hairs={**WALK, "persistence_mm": 1e6},
+    )  # fmt: skip
+    hairs = _hairs(run(config, straight_yarn(3000.0, 0.1)))
+    outward = hairs[:, 0] * [0.0, 1.0, 1.0]
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    way = hairs[:, -1] - hairs[:, 0]
+    cosine = (way * outward).sum(axis=1) / np.linalg.norm(way, axis=1)
+    assert len(hairs) > 8000
+    assert stats.kstest(cosine**2, "uniform").pvalue > 1e-4
+    assert cosine.min() > -1e-3
+
+
 @pytest.mark.parametrize("step", [0.1, 1.0, 3.0])
 def test_a_walk_forgets_its_direction_exponentially(step: float) -> None:
     """Mean cosine between steps k apart: exp(-k step / persistence), for fine and coarse steps alike."""

@@ -19,9 +19,9 @@ VARIED = {"thickness_sd": 0.15, "thickness_length_mm": 3.0, "color_sd": 0.1, "co
 
 
 def test_noise_is_a_standard_normal_with_the_set_correlation() -> None:
-    """Samples 6 correlation lengths apart are independent: the bounds are 4 standard errors (1 in 16,000)."""
-    length_mm = 8.0
-    apart = np.arange(0, OPEN.length, 6 * length_mm)
+    """Samples 5 correlation lengths apart are independent: the bounds are 4 standard errors (1 in 16,000)."""
+    length_mm = 3.0
+    apart = np.arange(0, OPEN.length, 5 * length_mm)
     base = smooth_normal(SEED, OPEN, apart, length_mm)
     count = len(base)
     assert abs(base.mean()) < 4 / np.sqrt(count)
@@ -35,11 +35,11 @@ def test_noise_is_a_standard_normal_with_the_set_correlation() -> None:
 
 @pytest.mark.parametrize("at", [0.0, 0.13, 0.5])
 def test_the_noise_is_as_strong_at_every_place_of_a_short_loop(at: float) -> None:
-    """Also where the window goes around several times: 4000 loops of each length, 4 standard errors."""
+    """Also where the window goes around several times: 2000 loops of each length, 4 standard errors."""
     for length in (1.0, 6.0, 40.0):
         values = [
             smooth_normal(SEED, YarnPlace(yarn, length, True), np.array([at * length]), 8.0)[0]
-            for yarn in range(4000)
+            for yarn in range(2000)
         ]
         assert abs(np.var(values) - 1) < 4 * np.sqrt(2 / len(values))
 
@@ -69,6 +69,15 @@ def test_slubs_are_as_many_long_and_thick_as_asked_for(closed: bool) -> None:
         assert abs(values.std() / sd - 1) < 0.03
     gaps = np.diff(np.sort(slubs.center[inside])) * 25e-3
     assert stats.kstest(gaps, "expon").pvalue > 1e-4
+
+
+def test_slubs_are_as_many_at_the_ends_of_an_open_yarn() -> None:
+    """Mean of what they add there over 1500 yarns: rate x length / 2 x peak, within 4 standard errors."""
+    config = VariationConfig(slubs_per_m=25.0, slub_thickness=2.5)
+    for at in (0.0, 100.0):
+        places = [YarnPlace(yarn, 100.0, False) for yarn in range(1500)]
+        added = np.array([thickness(SEED, place, np.array([at]), config)[0] - 1 for place in places])
+        assert abs(added.mean() - 25e-3 * 20.0 * 1.5) < 4 * added.std() / np.sqrt(1500)
 
 
 def test_a_slub_is_a_smooth_bump_of_its_thickness() -> None:
