@@ -32,13 +32,14 @@ def strand_color(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
 
 @wp.kernel
 def colors_kernel(
+    begin: wp.int32,
     tables: FiberTables,
     stretches: wp.array(dtype=wp.int32),
     offsets: wp.array(dtype=wp.int64),
     colors: wp.array(dtype=wp.vec3),
 ):
     """Colors of all points of chosen stretches, in the order of `strand_kernels.points_kernel`."""
-    i = wp.tid()
+    i = begin + wp.tid()
     stretch = stretches[i]
     place = offsets[i]
     for s in range(strand_count(tables, stretch)):

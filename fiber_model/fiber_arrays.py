@@ -203,6 +203,7 @@ def build_yarns(
             "migration_low": config.migration_min,
             "migration_high": config.migration_max,
             "migration_turns": plan.migration_turns,
+            "migration_rate": plan.migration_turns / plan.intervals,
             "loops": flyaways.loop_probability > 0,
             "loop_threshold": probability_threshold(flyaways.loop_probability),
             "loop_radius": flyaways.loop_radius,

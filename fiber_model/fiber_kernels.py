@@ -96,8 +96,7 @@ def loop_peak(
 @wp.func
 def migration_period(yarn: YarnParameters, seat: FiberSeat, node: wp.int32) -> wp.int32:
     """Which migration period of a fiber a node lies in. Twin: `migration.migration_period_index`."""
-    rate = yarn.migration_turns / wp.float64(yarn.intervals)
-    turns = wp.float64(node) * rate + wp.float64(seat.migration_turns)
+    turns = wp.float64(node) * yarn.migration_rate + wp.float64(seat.migration_turns)
     return wp.int32(wp.floor(turns + wp.float64(0.5)))
 
 
@@ -134,6 +133,34 @@ def migration_peak(tables: FiberTables, yarn: YarnParameters, strand: Strand, no
 
 
 @wp.func
+def period_end(yarn: YarnParameters, strand: Strand, k: wp.int32) -> wp.int32:
+    """First point after `k` that is in another migration period or beyond the strand.
+
+    A guess by division, put right by the test that every point is subject to. The last point of a closed yarn
+    is its first one and stands alone.
+    """
+    last = strand.segments
+    if yarn.closed != 0 and strand.first + last == yarn.intervals:
+        if k == last:
+            return last + 1
+        last = last - 1
+    if yarn.loops == 0:
+        return last + 1
+    period = migration_period(yarn, strand.seat, strand.first + k)
+    border = (
+        wp.float64(period) + wp.float64(0.5) - wp.float64(strand.seat.migration_turns)
+    ) / yarn.migration_rate
+    after = last + 1
+    if border < wp.float64(strand.first + last + 1):
+        after = wp.max(wp.int32(wp.ceil(border)) - strand.first, k + 1)
+    while after > k + 1 and migration_period(yarn, strand.seat, strand.first + after - 1) != period:
+        after = after - 1
+    while after <= last and migration_period(yarn, strand.seat, strand.first + after) == period:
+        after = after + 1
+    return after
+
+
+@wp.func
 def lattice_value(seed: wp.uint32, yarn: wp.int32, fiber: wp.int32, cell: wp.int32) -> wp.float32:
     """Uniform in (-1, 1) at a lattice point of the perturbation."""
     word = pcg4d(seed + PURPOSE_PERTURBATION, wp.uint32(yarn), wp.uint32(fiber), wp.uint32(cell))
@@ -160,12 +187,26 @@ def perturbation_factor(
 def body_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
     """Node `k` of a body fiber, loops included."""
     yarn = tables.yarns[strand.yarn]
+    index = node_index(yarn, strand, k)
+    return body_point_at(tables, yarn, strand, index, migration_peak(tables, yarn, strand, index))
+
+
+@wp.func
+def node_index(yarn: YarnParameters, strand: Strand, k: wp.int32) -> wp.int32:
+    """Node of the yarn at point `k` of a body fiber; the last of a closed yarn is its first."""
     index = strand.first + k
     if yarn.closed != 0 and index == yarn.intervals:
         index = wp.int32(0)
+    return index
+
+
+@wp.func
+def body_point_at(
+    tables: FiberTables, yarn: YarnParameters, strand: Strand, index: wp.int32, peak: wp.float32
+) -> wp.vec3:
+    """A body fiber at a node of its yarn, where the caller knows the yarn and the period's largest radius."""
     node = tables.nodes[yarn.first_node + index]
     low = yarn.migration_low * strand.seat.radius
-    peak = migration_peak(tables, yarn, strand, index)
     migration = turn(node.migration, strand.seat.migration)
     radius = low + 0.5 * (peak - low) * (migration[0] + 1.0)
     if yarn.perturbation > 0.0:

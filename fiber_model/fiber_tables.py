@@ -73,6 +73,8 @@ class YarnParameters:
     migration_high: wp.float32
     migration_turns: wp.float64
     """Migration periods in the whole yarn."""
+    migration_rate: wp.float64
+    """Migration periods per segment."""
     loops: wp.int32
     """Whether there are loops at all."""
     loop_threshold: wp.uint32

@@ -34,6 +34,7 @@ from .fiber_report import (
     report_fibers,
     segment_length,
 )
+from .split_launch import launch_split
 from .yarns.frames import build_frames
 from .yarns.yarns import YarnSet
 
@@ -94,7 +95,7 @@ class FiberSet:
         body = self.stretch_strand_counts() - hairs
         return body * (self.stretches["segments"] + 1) + hairs * (self.config.hair_segments + 1)
 
-    def stretch_bounds(self, device: str = "cpu") -> np.ndarray:
+    def stretch_bounds(self, device: str = "cpu", *, threads: int | None = None) -> np.ndarray:
         """Box around all strands of each stretch [mm], float32, shape [stretch_count, 2, 3].
 
         Hairs are bounded exactly, body fibers by the largest reach that a loop can have.
@@ -106,9 +107,8 @@ class FiberSet:
             from .strand_kernels import hair_bounds_kernel
 
             grown = wp.array(bounds, dtype=wp.vec3, device=device)
-            wp.launch(
-                hair_bounds_kernel, self.stretch_count, inputs=[self.tables(device), grown], device=device
-            )
+            inputs = [self.tables(device), grown]
+            launch_split(hair_bounds_kernel, self.stretch_count, inputs, device=device, threads=threads)
             bounds = grown.numpy()
         margin = 4 * np.spacing(np.abs(bounds).max(initial=1.0).astype(np.float32))
         return bounds + np.array([[-margin], [margin]], dtype=np.float32)
@@ -143,7 +143,7 @@ class FiberSet:
             colors=self.colors,
         )
 
-    def fiber_lengths_mm(self, device: str = "cpu") -> np.ndarray:
+    def fiber_lengths_mm(self, device: str = "cpu", *, threads: int | None = None) -> np.ndarray:
         """Length of the body fibers and of the hairs of each stretch, float64, shape [stretch_count, 2].
 
         The sum is the fiber length generated, which every grid made from this set must contain.
@@ -153,7 +153,9 @@ class FiberSet:
         from .strand_kernels import length_kernel
 
         length = wp.empty((self.stretch_count, 2), dtype=wp.float64, device=device)
-        wp.launch(length_kernel, self.stretch_count, inputs=[self.tables(device), length], device=device)
+        launch_split(
+            length_kernel, self.stretch_count, [self.tables(device), length], device=device, threads=threads
+        )
         return length.numpy()
 
 

@@ -1,4 +1,7 @@
-"""What is asked of whole stretches: their points, the length of their fibers, the box around their hairs."""
+"""What is asked of whole stretches: their points, the length of their fibers, the box around their hairs.
+
+Kernels for `split_launch.launch_split`: item `begin + wp.tid()` is theirs.
+"""
 
 # mypy: ignore-errors
 # Warp reads the annotations, and some of them are calls.
@@ -9,14 +12,17 @@ import warp as wp
 
 from .fiber_kernels import (
     Strand,
+    body_point_at,
     hair_point,
     migration_peak,
+    node_index,
     open_hair,
     open_strand,
     open_strand_point,
+    period_end,
     strand_count,
 )
-from .fiber_tables import FiberTables
+from .fiber_tables import FiberTables, YarnParameters
 
 wp.set_module_options({"enable_backward": False})
 
@@ -26,22 +32,47 @@ KIND_HAIR = wp.constant(2)
 
 
 @wp.func
-def strand_kind(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.int32:
-    """Whether point `k` belongs to a hair, to a loop, or to neither."""
-    if strand.is_hair != 0:
-        return KIND_HAIR
-    yarn = tables.yarns[strand.yarn]
-    index = strand.first + k
-    if yarn.closed != 0 and index == yarn.intervals:
-        index = wp.int32(0)
-    peak = migration_peak(tables, yarn, strand, index)
-    if peak > yarn.migration_high * strand.seat.radius:
-        return KIND_LOOP
-    return KIND_BODY
+def write_hair(
+    tables: FiberTables,
+    strand: Strand,
+    place: wp.int64,
+    points: wp.array(dtype=wp.vec3),
+    kinds: wp.array(dtype=wp.uint8),
+):
+    """Points of one hair, from place `place` on."""
+    for k in range(strand.segments + 1):
+        points[place + wp.int64(k)] = hair_point(tables, strand, k)
+        kinds[place + wp.int64(k)] = wp.uint8(KIND_HAIR)
+
+
+@wp.func
+def write_body(
+    tables: FiberTables,
+    yarn: YarnParameters,
+    strand: Strand,
+    place: wp.int64,
+    points: wp.array(dtype=wp.vec3),
+    kinds: wp.array(dtype=wp.uint8),
+):
+    """Points of one body fiber, from place `place` on, and whether each lies in a loop."""
+    own = yarn.migration_high * strand.seat.radius
+    k = wp.int32(0)
+    while k <= strand.segments:
+        index = node_index(yarn, strand, k)
+        peak = migration_peak(tables, yarn, strand, index)
+        after = period_end(yarn, strand, k)
+        kind = wp.uint8(KIND_BODY)
+        if peak > own:
+            kind = wp.uint8(KIND_LOOP)
+        for j in range(k, after):
+            points[place + wp.int64(j)] = body_point_at(tables, yarn, strand, index + (j - k), peak)
+            kinds[place + wp.int64(j)] = kind
+        k = after
 
 
 @wp.kernel
 def points_kernel(
+    begin: wp.int32,
     tables: FiberTables,
     stretches: wp.array(dtype=wp.int32),
     offsets: wp.array(dtype=wp.int64),
@@ -49,21 +80,23 @@ def points_kernel(
     kinds: wp.array(dtype=wp.uint8),
 ):
     """All strands of chosen stretches, one after the other: stretch i writes from point offsets[i] on."""
-    i = wp.tid()
+    i = begin + wp.tid()
     stretch = stretches[i]
     place = offsets[i]
+    yarn = tables.yarns[tables.stretches[stretch].yarn]
     for s in range(strand_count(tables, stretch)):
         strand = open_strand(tables, stretch, s)
-        for k in range(strand.segments + 1):
-            points[place] = open_strand_point(tables, strand, k)
-            kinds[place] = wp.uint8(strand_kind(tables, strand, k))
-            place += wp.int64(1)
+        if strand.is_hair != 0:
+            write_hair(tables, strand, place, points, kinds)
+        else:
+            write_body(tables, yarn, strand, place, points, kinds)
+        place += wp.int64(strand.segments + 1)
 
 
 @wp.kernel
-def length_kernel(tables: FiberTables, length: wp.array(dtype=wp.float64, ndim=2)):
+def length_kernel(begin: wp.int32, tables: FiberTables, length: wp.array(dtype=wp.float64, ndim=2)):
     """Length of the body fibers and of the hairs of each stretch [mm], shape [stretch_count, 2]."""
-    stretch = wp.tid()
+    stretch = begin + wp.tid()
     body = wp.float64(0.0)
     hairs = wp.float64(0.0)
     for s in range(strand_count(tables, stretch)):
@@ -82,9 +115,9 @@ def length_kernel(tables: FiberTables, length: wp.array(dtype=wp.float64, ndim=2
 
 
 @wp.kernel
-def hair_bounds_kernel(tables: FiberTables, bounds: wp.array(dtype=wp.vec3, ndim=2)):
+def hair_bounds_kernel(begin: wp.int32, tables: FiberTables, bounds: wp.array(dtype=wp.vec3, ndim=2)):
     """Grow the box of each stretch, shape [stretch_count, 2], by the hairs that begin in it."""
-    stretch = wp.tid()
+    stretch = begin + wp.tid()
     piece = tables.stretches[stretch]
     low = bounds[stretch, 0]
     high = bounds[stretch, 1]

@@ -1,64 +1,85 @@
-"""How fast fibers are made: points per second of one thread, and what a second thread adds."""
+"""How fast fibers are made: points per second of one core and of all, against numpy in the same run."""
 
 from __future__ import annotations
 
-import threading
 import time
 import tomllib
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-import warp as wp
 
+from tests.peers.numpy_fibers import stretch_points
 from weft.fiber_model.config import FibersConfig
+from weft.fiber_model.fiber_arrays import plan_yarn
+from weft.fiber_model.fiber_curves import strand_points
 from weft.fiber_model.fibers import FiberSet, run
-from weft.fiber_model.strand_kernels import length_kernel
+from weft.fiber_model.flyaways import FlyawayShape
+from weft.fiber_model.split_launch import cpu_threads
 from weft.fiber_model.yarns.yarns import YarnSet
 
 pytestmark = pytest.mark.benchmark
+ROUNDS = 5
+NUMPY_STRETCHES = 12
+"""Of 119: numpy is slow."""
 
 
-def _loop_of_yarn(preset: str, pytestconfig: pytest.Config) -> FiberSet:
+def _loop_of_yarn(preset: str, pytestconfig: pytest.Config) -> tuple[FiberSet, FlyawayShape]:
     """A ring of 38 cm of yarn of radius 1 mm."""
     path = pytestconfig.rootpath / "configs" / "presets" / "fibers" / f"{preset}.toml"
+    config = FibersConfig(**tomllib.loads(path.read_text(encoding="utf-8")))
     t = np.arange(32) * 2 * np.pi / 32
     points = 60.0 * np.stack([np.cos(t), np.sin(t), 0.3 * np.sin(2 * t)], axis=1)
-    yarns = YarnSet(points, np.array([0, 32]), np.array([True]), np.ones(1), np.zeros(1, np.int32))
-    return run(FibersConfig(**tomllib.loads(path.read_text(encoding="utf-8"))), yarns)
+    fibers = run(
+        config, YarnSet(points, np.array([0, 32]), np.array([True]), np.ones(1), np.zeros(1, np.int32))
+    )
+    yarn = fibers.yarns[0]
+    length, intervals = fibers.report.yarn_length_mm, int(yarn["intervals"])
+    return fibers, plan_yarn(config, 1.0, length, intervals, closed=True).flyaways
 
 
-def _make_all(fiber_set: FiberSet) -> float:
-    """Make every point once, to sum up the fibers' length; seconds of this thread's processor time."""
-    length = wp.empty((fiber_set.stretch_count, 2), dtype=wp.float64, device="cpu")
-    tables = fiber_set.tables("cpu")
-    begin = time.thread_time()
-    wp.launch(length_kernel, fiber_set.stretch_count, inputs=[tables, length], device="cpu")
-    return time.thread_time() - begin
+def _seconds(work: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
 
 
 @pytest.mark.parametrize("preset", ["cotton2", "rayon1", "polyester1"])
-def test_points_per_second_of_one_thread(preset: str, pytestconfig: pytest.Config) -> None:
-    fiber_set = _loop_of_yarn(preset, pytestconfig)
-    points = fiber_set.stretch_point_counts().sum() / 1e6
-    _make_all(fiber_set)
-    seconds = min(_make_all(fiber_set) for _ in range(5))
-    print(f"\n{preset}: {points:.1f} M points of fibers in {seconds:.3f} CPU s: {points / seconds:.0f} M/s")
+def test_points_per_second_against_numpy(preset: str, pytestconfig: pytest.Config) -> None:
+    fibers, shape = _loop_of_yarn(preset, pytestconfig)
+    everything = np.arange(fibers.stretch_count)
+    some = everything[:: fibers.stretch_count // NUMPY_STRETCHES]
+    ours = strand_points(fibers, some)
+    theirs = np.concatenate([stretch_points(fibers, int(stretch), shape) for stretch in some])
+    worst = float(np.abs(ours.points - theirs).max())
+    assert worst < 5e-5  # the coordinates reach 60 mm, whose float32 spacing is 4e-6
+    millions, some_millions = fibers.stretch_point_counts().sum() / 1e6, len(theirs) / 1e6
+    rates = {name: [] for name in ("numpy", "one", "all")}
+    for _ in range(ROUNDS):  # interleaved, so that other load on the machine hits all three
+        peer = _seconds(lambda: [stretch_points(fibers, int(stretch), shape) for stretch in some])
+        rates["numpy"].append(some_millions / peer)
+        for name, threads in (("one", 1), ("all", cpu_threads())):
+            made = _seconds(lambda threads=threads: strand_points(fibers, everything, threads=threads))
+            rates[name].append(millions / made)
+    numpy, one, all_cores = (np.array(rates[name]) for name in ("numpy", "one", "all"))
+    print(
+        f"\n{preset}: {millions:.1f} M points, at most {worst:.1e} mm from numpy's; medians of "
+        f"{ROUNDS} rounds: numpy {np.median(numpy):.2f} M/s, one thread {np.median(one):.0f} M/s "
+        f"({np.median(one / numpy):.1f} x), {cpu_threads()} threads {np.median(all_cores):.0f} M/s "
+        f"({np.median(all_cores / numpy):.1f} x, {all_cores.max() / numpy.max():.1f} x best against best)"
+    )
 
 
-def test_two_threads_against_one(pytestconfig: pytest.Config) -> None:
-    """Launches release Python's lock; on two idle cores the ratio is near 2."""
-    fiber_set = _loop_of_yarn("cotton2", pytestconfig)
-    _make_all(fiber_set)
-    ratios = []
-    for _ in range(5):
-        begin = time.perf_counter()
-        _make_all(fiber_set)
-        one = time.perf_counter() - begin
-        threads = [threading.Thread(target=_make_all, args=(fiber_set,)) for _ in range(2)]
-        begin = time.perf_counter()
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        ratios.append(2 * one / (time.perf_counter() - begin))
-    print(f"\ntwo threads make {np.median(ratios):.2f} times the points of one (best {max(ratios):.2f})")
+def test_points_summed_to_lengths(pytestconfig: pytest.Config) -> None:
+    """Without writing points to memory: what a voxelizer sees."""
+    fibers, _ = _loop_of_yarn("cotton2", pytestconfig)
+    millions = fibers.stretch_point_counts().sum() / 1e6
+    fibers.fiber_lengths_mm()
+    one, both = (
+        [_seconds(lambda threads=threads: fibers.fiber_lengths_mm(threads=threads)) for _ in range(ROUNDS)]
+        for threads in (1, cpu_threads())
+    )
+    print(
+        f"\ncotton2, summed to lengths: one thread {millions / np.median(one):.0f} M/s, "
+        f"{cpu_threads()} threads {millions / np.median(both):.0f} M/s"
+    )
