@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .catmull_rom import CHUNK, PIECES, CatmullRom, dot, norm
+from .catmull_rom import CHUNK, PIECES, CatmullRom, cross, dot, norm
 from .yarns import YarnSet
 
 STEP_PER_RADIUS = 0.25
@@ -139,7 +139,7 @@ def turn_reference(tangent: np.ndarray, angle: np.ndarray) -> np.ndarray:
     for begin in range(0, len(tangent), CHUNK):
         t, a = tangent[begin : begin + CHUNK], angle[begin : begin + CHUNK, None]
         reference = reference_normal(t)
-        normal[begin : begin + CHUNK] = np.cos(a) * reference + np.sin(a) * np.cross(t, reference)
+        normal[begin : begin + CHUNK] = np.cos(a) * reference + np.sin(a) * cross(t, reference)
     return normal
 
 
@@ -152,7 +152,7 @@ def _reflect(vectors: np.ndarray, across: np.ndarray) -> np.ndarray:
 
 def _angle_about(tangent: np.ndarray, reference: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Angle [rad] from `reference` to `vectors` about the tangent."""
-    return np.arctan2(dot(np.cross(tangent, reference), vectors), dot(reference, vectors))
+    return np.arctan2(dot(cross(tangent, reference), vectors), dot(reference, vectors))
 
 
 def locate_pieces(curves: CatmullRom, knots: np.ndarray, step: np.ndarray, offsets: np.ndarray) -> np.ndarray:
@@ -181,22 +181,20 @@ def _sample(
         target = (index - offsets[yarn]) * step[yarn] - knots[knot]
         u = curves.parameter_at(piece[part], knots[knot + 1] - knots[knot], target)
         segment = piece[part] // PIECES
-        position[part] = curves.position(segment, u)
-        tangent[part], curvature[part] = _tangent_and_curvature(curves, segment, u, step[yarn])
+        position[part], velocity, acceleration = curves.jets(segment, u)
+        tangent[part], curvature[part] = _tangent_and_curvature(velocity, acceleration, step[yarn])
         parameter[part] = segment + u
     _mend_tangents(position, tangent)
     return position, tangent, curvature, parameter
 
 
 def _tangent_and_curvature(
-    curves: CatmullRom, segment: np.ndarray, u: np.ndarray, step: np.ndarray
+    velocity: np.ndarray, acceleration: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Unit tangent, and |p' x p''| / |p'|^3 [1/mm]; both zero where the curve stands still."""
-    velocity = curves.derivative(segment, u)
     speed = norm(velocity)
     speed = np.where(speed > 1e-9 * step, speed, np.inf)
-    bend = norm(np.cross(velocity, curves.second_derivative(segment, u)))
-    return velocity / speed[:, None], bend / speed**3
+    return velocity / speed[:, None], norm(cross(velocity, acceleration)) / (speed * speed * speed)
 
 
 def _mend_tangents(position: np.ndarray, tangent: np.ndarray) -> None:
