@@ -14,6 +14,7 @@ from .free_hairs import FreeHairShape, free_hair_counts, scaled_free_hairs
 from .migration import migration_phase
 from .plies import PlyShape, cord_phase, phase_at_nodes, ply_phase, scaled_plies, turns_along
 from .variation import YarnPlace, lightness, thickness
+from .yarns.catmull_rom import cross
 from .yarns.frames import YarnFrames
 from .yarns.yarns import YarnSet
 
@@ -92,34 +93,35 @@ def plan_yarn(
 
 
 def build_nodes(
-    plans: list[YarnPlan], frames: YarnFrames, seed: int, dtype: np.dtype, progress: Progress | None
+    plans: list[YarnPlan], frames: YarnFrames, seed: int, dtype: np.dtype, *, first_yarn: int = 0
 ) -> np.ndarray:
-    """One record per node of every yarn: frame, bend, and phases as (cosine, sine)."""
+    """One record per node of every yarn: frame, bend, and phases as (cosine, sine).
+
+    The plans and frames may be of some consecutive yarns of a set, from number `first_yarn` on.
+    """
     nodes = np.empty(int(frames.offsets[-1]), dtype=dtype)
-    begin_phase = ply_phase(seed, np.arange(len(plans)))
+    begin_phase = ply_phase(seed, first_yarn + np.arange(len(plans)))
     for yarn, plan in enumerate(plans):
         part = slice(frames.offsets[yarn], frames.offsets[yarn + 1])
         tangent, normal = frames.tangent[part], frames.normal[part]
         nodes["position"][part] = frames.position[part]
         nodes["normal"][part] = normal
-        nodes["binormal"][part] = np.cross(tangent, normal)
+        nodes["binormal"][part] = cross(tangent, normal)
         nodes["bend"][part] = tangent_derivative(tangent, plan.step, closed=plan.closed)
         nodes["ply"][part] = _on_circle(phase_at_nodes(plan.ply_turns, plan.intervals) + begin_phase[yarn])
         nodes["twist"][part] = _on_circle(phase_at_nodes(plan.fiber_turns, plan.intervals))
         nodes["migration"][part] = _on_circle(phase_at_nodes(plan.migration_turns, plan.intervals))
-        if progress is not None and yarn % 64 == 0:
-            progress(part.stop / len(nodes), f"phases: yarn {yarn + 1} of {len(plans)}")
     return nodes
 
 
-def build_details(plans: list[YarnPlan], frames: YarnFrames, seed: int, dtype: np.dtype) -> np.ndarray:
+def build_details(plans: list[YarnPlan], offsets: np.ndarray, seed: int, dtype: np.dtype) -> np.ndarray:
     """One record per node where any yarn varies along its length or has cords, else none."""
     if not any(plan.varies or plan.config.cords > 1 for plan in plans):
         return np.empty(0, dtype=dtype)
-    details = np.empty(int(frames.offsets[-1]), dtype=dtype)
+    details = np.empty(int(offsets[-1]), dtype=dtype)
     begin_phase = cord_phase(seed, np.arange(len(plans)))
     for yarn, plan in enumerate(plans):
-        part = slice(frames.offsets[yarn], frames.offsets[yarn + 1])
+        part = slice(offsets[yarn], offsets[yarn + 1])
         place = YarnPlace(yarn, plan.step * plan.intervals, plan.closed)
         s = np.arange(plan.intervals + 1) * plan.step
         details["thickness"][part] = thickness(seed, place, s, plan.config.variation)
@@ -173,7 +175,7 @@ def build_yarns(
     plans: list[YarnPlan],
     seats_per_ply: np.ndarray,
     first_color: np.ndarray,
-    frames: YarnFrames,
+    offsets: np.ndarray,
     dtype: np.dtype,
 ) -> np.ndarray:
     """One record of parameters per yarn."""
@@ -184,7 +186,7 @@ def build_yarns(
         flyaways, config, free = plan.flyaways, plan.config, plan.free_hairs
         length = plan.step * plan.intervals
         values = {
-            "first_node": frames.offsets[yarn],
+            "first_node": offsets[yarn],
             "first_fiber": first_fiber[yarn],
             "intervals": plan.intervals,
             "closed": plan.closed,

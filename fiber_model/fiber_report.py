@@ -16,6 +16,8 @@ from .yarns.yarns import YarnSet
 
 NODE_LIMIT = 2**28
 """Nodes of all yarns together, 72 bytes each and as much again while they are made."""
+CHUNK = 1 << 16
+"""Nodes looked at together."""
 SEAT_LIMIT = 2**28
 """Body fibers of all yarns together, 24 bytes each."""
 STRAND_LIMIT = 2**24
@@ -62,7 +64,10 @@ def report_fibers(
     at_node = np.repeat(radius, [plan.intervals + 1 for plan in plans])
     if len(details):
         at_node = at_node * details["thickness"]
-    folded = int((np.linalg.norm(bend, axis=1) * at_node > 1.0).sum())
+    folded = sum(
+        int((np.linalg.norm(bend[i : i + CHUNK], axis=1) * at_node[i : i + CHUNK] > 1.0).sum())
+        for i in range(0, len(bend), CHUNK)
+    )
     demand = max(plan.flyaways.loop_demand for plan in plans)
     return FiberReport(
         yarn_length_mm=float(lengths.sum()),

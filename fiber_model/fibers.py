@@ -17,11 +17,9 @@ from .counter_random import seed_key
 from .fiber_arrays import (
     build_colors,
     build_details,
-    build_nodes,
     build_seats,
     build_stretches,
     build_yarns,
-    plan_yarn,
     seats_per_ply,
     yarn_configs,
 )
@@ -35,7 +33,7 @@ from .fiber_report import (
     segment_length,
 )
 from .split_launch import launch_split
-from .yarns.frames import build_frames
+from .yarn_nodes import lay_nodes
 from .yarns.yarns import YarnSet
 
 if TYPE_CHECKING:
@@ -100,32 +98,17 @@ class FiberSet:
 
         Hairs are bounded exactly, body fibers by the largest reach that a loop can have.
         """
-        bounds = self._body_bounds()
-        if self.stretches["hairs"].any():
-            import warp as wp
+        import warp as wp
 
-            from .strand_kernels import hair_bounds_kernel
+        from .strand_kernels import bounds_kernel
 
-            grown = wp.array(bounds, dtype=wp.vec3, device=device)
-            inputs = [self.tables(device), grown]
-            launch_split(hair_bounds_kernel, self.stretch_count, inputs, device=device, threads=threads)
-            bounds = grown.numpy()
-        margin = 4 * np.spacing(np.abs(bounds).max(initial=1.0).astype(np.float32))
-        return bounds + np.array([[-margin], [margin]], dtype=np.float32)
-
-    def _body_bounds(self) -> np.ndarray:
-        """Box around the body fibers of each stretch: around its nodes, grown by the yarn's reach."""
-        first = self.yarns["first_node"][self.stretches["yarn"]] + self.stretches["first"]
-        after = first + self.stretches["segments"] + 1
-        pairs = np.stack([first, after], axis=1).ravel()
-        position = np.concatenate([self.nodes["position"], self.nodes["position"][-1:]])
-        reach = self.yarn_reach_mm[self.stretches["yarn"]][:, None]
-        if len(self.details):
-            thickness = np.append(self.details["thickness"], np.float32(0.0))
-            reach = reach * np.maximum.reduceat(thickness, pairs)[::2, None]
-        low = np.minimum.reduceat(position, pairs, axis=0)[::2] - reach
-        high = np.maximum.reduceat(position, pairs, axis=0)[::2] + reach
-        return np.stack([low, high], axis=1).astype(np.float32)
+        bounds = wp.empty((self.stretch_count, 2), dtype=wp.vec3, device=device)
+        reach = wp.array(self.yarn_reach_mm, dtype=wp.float64, device=device)
+        inputs = [self.tables(device), reach, bounds]
+        launch_split(bounds_kernel, self.stretch_count, inputs, device=device, threads=threads)
+        boxes = bounds.numpy()
+        margin = 4 * np.spacing(np.abs(boxes).max(initial=1.0).astype(np.float32))
+        return boxes + np.array([[-margin], [margin]], dtype=np.float32)
 
     def tables(self, device: str = "cpu") -> FiberTables:
         """The tables that the Warp functions read, on one device."""
@@ -166,17 +149,11 @@ def run(config: FibersConfig, yarns: YarnSet, *, progress: Progress | None = Non
     configs = yarn_configs(config, yarns)
     segment = min(segment_length(own, radius) for own, radius in zip(configs, yarns.radius, strict=True))
     refuse_too_many_nodes(yarns, segment)
-    frames = build_frames(yarns, max_step_mm=segment)
-    plans = [
-        plan_yarn(own, float(radius), float(length), int(intervals), closed=bool(closed))
-        for own, radius, length, intervals, closed in zip(
-            configs, yarns.radius, frames.length, frames.interval_counts, frames.closed, strict=True
-        )
-    ]
     seed, records = seed_key(config.seed), _record_types()
-    details = build_details(plans, frames, seed, records["details"])
+    laid = lay_nodes(configs, yarns, segment, seed, records["nodes"], progress=progress)
+    plans, nodes = laid.plans, laid.nodes
+    details = build_details(plans, laid.offsets, seed, records["details"])
     refuse_too_many_fibers(plans, details)
-    nodes = build_nodes(plans, frames, seed, records["nodes"], progress)
     stretches = build_stretches(plans, details, seed, records["stretches"])
     seats = seats_per_ply(plans, stretches)
     colors, first_color = build_colors(plans)
@@ -188,7 +165,7 @@ def run(config: FibersConfig, yarns: YarnSet, *, progress: Progress | None = Non
         yarn_reach_mm=np.array([plan.reach for plan in plans]),
         report=report_fibers(plans, yarns, nodes["bend"], details, stretches),
         nodes=nodes,
-        yarns=build_yarns(plans, seats, first_color, frames, records["yarns"]),
+        yarns=build_yarns(plans, seats, first_color, laid.offsets, records["yarns"]),
         seats=build_seats(plans, seats, yarns.yarn_type, seed, records["seats"]),
         stretches=stretches,
         details=details,

@@ -22,7 +22,7 @@ from .fiber_kernels import (
     period_end,
     strand_count,
 )
-from .fiber_tables import FiberTables, YarnParameters
+from .fiber_tables import FiberTables, Stretch, YarnParameters
 
 wp.set_module_options({"enable_backward": False})
 
@@ -114,13 +114,37 @@ def length_kernel(begin: wp.int32, tables: FiberTables, length: wp.array(dtype=w
     length[stretch, 1] = hairs
 
 
+@wp.func
+def body_bounds(tables: FiberTables, piece: Stretch, reach: wp.float64):
+    """Corners of a box around the body fibers: around the nodes, grown by `reach` times the thickness."""
+    yarn = tables.yarns[piece.yarn]
+    first = yarn.first_node + piece.first
+    low = tables.nodes[first].position
+    high = low
+    thickness = wp.float32(0.0)
+    for k in range(piece.segments + 1):
+        low = wp.min(low, tables.nodes[first + k].position)
+        high = wp.max(high, tables.nodes[first + k].position)
+        if yarn.detailed != 0:
+            thickness = wp.max(thickness, tables.details[first + k].thickness)
+    grown = reach
+    if yarn.detailed != 0:
+        grown = reach * wp.float64(thickness)
+    by = wp.vec3d(grown, grown, grown)
+    return wp.vec3(wp.vec3d(low) - by), wp.vec3(wp.vec3d(high) + by)
+
+
 @wp.kernel
-def hair_bounds_kernel(begin: wp.int32, tables: FiberTables, bounds: wp.array(dtype=wp.vec3, ndim=2)):
-    """Grow the box of each stretch, shape [stretch_count, 2], by the hairs that begin in it."""
+def bounds_kernel(
+    begin: wp.int32,
+    tables: FiberTables,
+    reach: wp.array(dtype=wp.float64),
+    bounds: wp.array(dtype=wp.vec3, ndim=2),
+):
+    """Box around each stretch, shape [stretch_count, 2]; `reach` of the body fibers of each yarn [mm]."""
     stretch = begin + wp.tid()
     piece = tables.stretches[stretch]
-    low = bounds[stretch, 0]
-    high = bounds[stretch, 1]
+    low, high = body_bounds(tables, piece, reach[piece.yarn])
     for h in range(piece.hairs):
         strand = open_hair(tables, piece, h)
         for k in range(strand.segments + 1):
