@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from weft.files.input_file import InputFile
 
+from .settings import Color, Settings, Vector
+from .surface_config import GroundSurface, MeshSurface
+
 MAX_PIXELS = 1 << 25
 
-Vector = tuple[float, float, float]
-Color = tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
-"""Linear RGB."""
 
-
-class _Settings(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
-
-
-class _Camera(_Settings):
+class _Camera(Settings):
     """Framing shared by both cameras. With nothing set, the whole volume is seen from its broad side."""
 
     position_mm: Vector | None = None
@@ -71,13 +66,13 @@ class OrthographicCamera(_Camera):
     kind: Literal["orthographic"] = "orthographic"
 
 
-class BoxFilter(_Settings):
+class BoxFilter(Settings):
     """Every sample counts for the pixel it lies in, and equally."""
 
     kind: Literal["box"] = "box"
 
 
-class GaussianFilter(_Settings):
+class GaussianFilter(Settings):
     """A Gaussian, lowered to reach zero at its radius."""
 
     kind: Literal["gaussian"] = "gaussian"
@@ -87,7 +82,7 @@ class GaussianFilter(_Settings):
     """Standard deviation."""
 
 
-class LanczosFilter(_Settings):
+class LanczosFilter(Settings):
     """A sinc in a sinc window. Sharper than the others, and negative in places: edges may ring."""
 
     kind: Literal["lanczos"] = "lanczos"
@@ -97,7 +92,7 @@ class LanczosFilter(_Settings):
     """Width of the window: sinc(x) sinc(x / tau)."""
 
 
-class ConstantLight(_Settings):
+class ConstantLight(Settings):
     """The same radiance from everywhere."""
 
     kind: Literal["constant"] = "constant"
@@ -105,7 +100,7 @@ class ConstantLight(_Settings):
     """Linear RGB radiance."""
 
 
-class EnvironmentLight(_Settings):
+class EnvironmentLight(Settings):
     """A latitude-longitude picture (.exr) around the scene. Up is +y; its left edge looks to -z."""
 
     kind: Literal["environment"] = "environment"
@@ -117,7 +112,7 @@ class EnvironmentLight(_Settings):
     """Turn about the y axis, counterclockwise seen from above."""
 
 
-class DirectionalLight(_Settings):
+class DirectionalLight(Settings):
     """Parallel light, as from the sun."""
 
     kind: Literal["directional"] = "directional"
@@ -129,7 +124,7 @@ class DirectionalLight(_Settings):
     """camera: x is right, y up, z toward the camera."""
 
 
-class StudioLight(_Settings):
+class StudioLight(Settings):
     """Softboxes around the camera, made for this program: a key, a fill, a strip behind, and dim walls."""
 
     kind: Literal["studio"] = "studio"
@@ -139,7 +134,7 @@ class StudioLight(_Settings):
     """Turn about the picture's upward axis; positive moves the key light from the left toward the camera."""
 
 
-class SkyLight(_Settings):
+class SkyLight(Settings):
     """A clear sky gradient over a gray ground, in world directions; add a directional light for the sun."""
 
     kind: Literal["sky"] = "sky"
@@ -154,6 +149,7 @@ class SkyLight(_Settings):
 
 
 Camera = Annotated[PerspectiveCamera | OrthographicCamera, Field(discriminator="kind")]
+Surface = Annotated[MeshSurface | GroundSurface, Field(discriminator="kind")]
 PixelFilter = Annotated[BoxFilter | GaussianFilter | LanczosFilter, Field(discriminator="kind")]
 Light = Annotated[
     ConstantLight | EnvironmentLight | DirectionalLight | StudioLight | SkyLight, Field(discriminator="kind")
@@ -164,7 +160,7 @@ Pixel = Annotated[int, Field(ge=0, lt=16384)]
 PixelCount = Annotated[int, Field(ge=1, le=16384)]
 
 
-class RenderConfig(_Settings):
+class RenderConfig(Settings):
     """One picture of one volume."""
 
     resolution: tuple[PixelCount, PixelCount] = (512, 512)
@@ -181,6 +177,8 @@ class RenderConfig(_Settings):
     """The camera."""
     lights: tuple[Light, ...] = Field(default=(StudioLight(),), min_length=1)
     """All lights; those around the scene add up to one environment."""
+    surfaces: tuple[Surface, ...] = Field(default=(), max_length=1024)
+    """Meshes and grounds beside the volume."""
     background: Literal["environment"] | Color = (0.0, 0.0, 0.0)
     """What camera rays see that meet no fiber: a linear color, or the environment."""
     filter: PixelFilter = BoxFilter()

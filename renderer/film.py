@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 FILM_LAYERS = 5
+SURFACE_FILM_LAYERS = 6
 PIXELS_PER_CHUNK = 1 << 18
 
 
 @dataclass
 class Film:
-    """Sums per pixel in float64, in the order of shaders/film/film.glsl, shape [5, pixel_count, 4]."""
+    """Sums per pixel in float64, in the order of shaders/film/film.glsl, shape [layers, pixel_count, 4]."""
 
     width: int
     height: int
@@ -22,8 +23,8 @@ class Film:
     samples: int = 0
 
     @classmethod
-    def empty(cls, width: int, height: int, *, filtered: bool = False) -> Film:
-        return cls(width, height, np.zeros((FILM_LAYERS, width * height, 4)), filtered)
+    def empty(cls, width: int, height: int, *, layers: int = FILM_LAYERS, filtered: bool = False) -> Film:
+        return cls(width, height, np.zeros((layers, width * height, 4)), filtered)
 
     def add(self, first_pixel: int, sums: np.ndarray) -> None:
         """Add the sums of one pass over some pixels."""
@@ -34,7 +35,8 @@ class Film:
 
         R, G, B, A: mean radiance and opacity. variance.R, .G, .B: of the mean (an upper bound, since samples
         are stratified). albedo, T, Z: mean color, fiber axis (see `_principal_axes`) and mean distance [mm]
-        where camera rays first scatter. samples, cut: how many paths, and how many of them `max_bounces` cut.
+        where camera rays first scatter. N: mean normal of the surfaces that camera rays meet
+        first, toward the camera. samples, cut: how many paths, and how many of them `max_bounces` cut.
         """
         n = self.samples
         radiance = self.sums[0, :, :3] / n
@@ -54,6 +56,9 @@ class Film:
             "samples": np.full(len(depth), float(n)),
             "cut": self.sums[4, :, 1],
         }
+        if len(self.sums) == SURFACE_FILM_LAYERS:
+            met = np.maximum(self.sums[4, :, 2], 1)[:, None]
+            columns |= _named(("N.X", "N.Y", "N.Z"), self.sums[5, :, :3] / met)
         return {
             name: data.reshape(self.height, self.width).astype(np.float32) for name, data in columns.items()
         }
@@ -73,7 +78,7 @@ def _principal_axes(sums: np.ndarray) -> np.ndarray:
     Axial data: t and -t are the same, so the outer product is averaged; its largest eigenvector is the mean.
     """
     xx, yy, xy, xz = sums[2].T
-    yz, hits = sums[3, :, 3], sums[0, :, 3]
+    yz, hits = sums[3, :, 3], sums[0, :, 3] - sums[4, :, 2]
     moment = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, hits - xx - yy], axis=-1).reshape(-1, 3, 3)
     axis = np.linalg.eigh(moment)[1][..., -1]
     return np.where(hits > 0, 1.0, 0.0)[:, None] * np.where(axis[:, :1] < 0, -axis, axis)

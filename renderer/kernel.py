@@ -12,13 +12,13 @@ import numpy as np
 from weft.files.errors import DeviceMemoryError
 
 from .brick_pool import BrickPool
-from .film import FILM_LAYERS
 from .gpu import buffers
 from .gpu.programs import compute_program, set_uniforms
 from .scene import Scene
 
 GROUP_SIZE = 64
 STATE_WORDS = 9
+"""Rows of four words per path; one more in scenes with surfaces."""
 COUNTERS = (
     "pixel",
     "steps",
@@ -49,6 +49,8 @@ class KernelOptions:
     """Paths in flight; unset: by the kind of device."""
     steps_per_round: int = 24
     """Tracking steps between two costly events."""
+    seeks_per_round: int = 32
+    """Nodes of the surfaces' hierarchy looked at between two costly events."""
     rounds_per_dispatch: int | None = None
     """At most what the loop budget allows; unset: adapted so that a dispatch takes `dispatch_seconds`."""
     dispatch_seconds: float = 0.15
@@ -88,13 +90,14 @@ class Kernel:
         set_uniforms(self.program, self.scene.uniforms() | {"lane_count": self.lane_count})
 
     def trace(self, rows: range, samples: range, *, tick: Callable[[int], None] | None = None) -> np.ndarray:
-        """Film sums over `samples` of some rows of the picture, float32, shape [5, pixel_count, 4].
+        """Film sums over `samples` of some rows of the picture, float32, shape [layer_count, pixel_count, 4].
 
         `tick` is called after each dispatch with the number of samples finished since the last call.
         """
         width = self.scene.config.window[2]
         pixel_count = width * len(rows)
-        film = buffers.reserve(self.context, FILM_LAYERS * pixel_count * 16, name="the film")
+        layers = self.scene.film_layers
+        film = buffers.reserve(self.context, layers * pixel_count * 16, name="the film")
         film.clear()
         film.bind_to_storage_buffer(3)
         self.states.write(self._idle_states())
@@ -111,7 +114,7 @@ class Kernel:
         )
         while self._dispatch(tick):
             pass
-        sums = buffers.read(film, np.float32).reshape(FILM_LAYERS, pixel_count, 4)
+        sums = buffers.read(film, np.float32).reshape(layers, pixel_count, 4)
         film.release()
         return sums
 
@@ -147,7 +150,8 @@ class Kernel:
         layers = self.scene.pool.layer_count
         layers = layers if layers > 1 else 0
         steps = self.options.steps_per_round * (1 + layers)
-        return max(1, LOOP_BUDGET // (1 + steps + 2 * layers + SLOWEST_SAMPLING_LOOP))
+        seeks = self.options.seeks_per_round if self.scene.surfaces else 0
+        return max(1, LOOP_BUDGET // (1 + steps + seeks + 2 * layers + SLOWEST_SAMPLING_LOOP))
 
     def _upload(self) -> None:
         pool, ctx = self.scene.pool, self.context
@@ -165,9 +169,10 @@ class Kernel:
         self.pages = [buffers.upload(ctx, page, name="the voxels") for page in pages]
         self.cells = buffers.upload(ctx, pool.cells, name="the cells")
         self.bricks = buffers.upload(ctx, brick_records(pool, self.scene.extinction_scale), name="the bricks")
-        self.lights = buffers.upload(ctx, self.scene.light_table.entries, name="the lights")
+        self.lights = buffers.upload(ctx, self.scene.tables, name="the lights and surfaces")
         self.media = buffers.upload(ctx, self.scene.phase.parameters, name="the scattering parameters")
-        self.states = buffers.reserve(ctx, self.lane_count * STATE_WORDS * 16, name="the paths")
+        self.state_words = STATE_WORDS + (self.scene.surfaces is not None)
+        self.states = buffers.reserve(ctx, self.lane_count * self.state_words * 16, name="the paths")
         self.counters = buffers.upload(ctx, np.zeros(8, np.uint32), name="the counters")
 
     def _bind(self) -> None:
@@ -186,7 +191,7 @@ class Kernel:
                 buffer.bind_to_storage_buffer(binding)
 
     def _idle_states(self) -> np.ndarray:
-        states = np.zeros((STATE_WORDS, self.lane_count, 4), np.uint32)
+        states = np.zeros((self.state_words, self.lane_count, 4), np.uint32)
         states[5, :, 3] = MODE_IDLE
         states[8, :, 0] = 0xFFFFFFFF
         return states
@@ -196,7 +201,11 @@ class Kernel:
             self.context,
             "path/trace.comp",
             constants=self.scene.constants()
-            | {"GROUP_SIZE": GROUP_SIZE, "STEPS_PER_ROUND": self.options.steps_per_round},
+            | {
+                "GROUP_SIZE": GROUP_SIZE,
+                "STEPS_PER_ROUND": self.options.steps_per_round,
+                "SEEKS_PER_ROUND": self.options.seeks_per_round,
+            },
             pieces=self.scene.pieces()
             | {"generated/voxel_pages.glsl": voxel_pages_glsl(len(self.pages), self.page_shift)},
         )

@@ -99,7 +99,8 @@ def _expose(kernel: Kernel, scene: Scene, progress: Progress | None) -> Film:
     """All samples of all pixels, in passes that fit the device."""
     (_, top, width, height), spp = scene.config.window, scene.config.samples_per_pixel
     options = kernel.options
-    film = Film.empty(width, height, filtered=scene.config.filter.kind != "box")
+    filtered = scene.config.filter.kind != "box"
+    film = Film.empty(width, height, layers=scene.film_layers, filtered=filtered)
     report = _Reporter(progress, width * height * spp)
     rows_per_pass = options.rows_per_pass or max(1, PIXELS_PER_PASS // width)
     for first in range(0, height, rows_per_pass):

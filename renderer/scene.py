@@ -15,14 +15,17 @@ from weft.voxelize.grid import FiberVolume
 from .brick_pool import BrickPool, build_brick_pool
 from .camera import CameraFrame, place_camera
 from .config import RenderConfig
+from .film import FILM_LAYERS, SURFACE_FILM_LAYERS
 from .gpu.shader_source import Constant
 from .lights import LightTable, build_light_table
 from .pixel_filter import CELLS, KINDS, filter_uniforms
 from .scattering_block import pack_scattering, pack_symmetric_tables
+from .surfaces import SurfaceTable, build_surface_table
 
 SHADOW_ROULETTE = 0.4
 """Transmittance below which a shadow ray survives by roulette (shaders/path/segments.glsl)."""
 
+SURFACE_PIECE = '#include "geometry/seek.glsl"\n#include "path/surface.glsl"\n'
 LENS_PIECE = 'uniform vec4 lens;\n#include "camera/lens.glsl"\n'
 FILTER_PIECE = (
     f'uniform float filter_edges[{CELLS + 1}];\nuniform vec4 filter_shape;\n#include "film/filter.glsl"\n'
@@ -58,6 +61,18 @@ class Scene:
     camera: CameraFrame
     light_table: LightTable
     phase: PhaseTable
+    surfaces: SurfaceTable | None = None
+
+    @property
+    def film_layers(self) -> int:
+        """Sums per pixel, in rows of four (shaders/film/film.glsl)."""
+        return FILM_LAYERS if self.surfaces is None else SURFACE_FILM_LAYERS
+
+    @property
+    def tables(self) -> np.ndarray:
+        """Lights, then surfaces: one buffer, because OpenGL 4.3 guarantees no more; float32, [rows, 4]."""
+        lights = self.light_table.entries.reshape(-1, 4)
+        return lights if self.surfaces is None else np.concatenate([lights, self.surfaces.rows])
 
     @property
     def extinction_scale(self) -> np.ndarray:
@@ -79,10 +94,18 @@ class Scene:
             "SAMPLE_LIGHTS": self.config.sampling != "phase",
             "SAMPLE_PHASE": self.config.sampling != "lights",
             "RANDOM_PHILOX": 0,
+            "SURFACES": self.surfaces is not None,
+            **({} if self.surfaces is None else {"SURFACE_TEXTURES": self.surfaces.textured}),
             "CAMERA_LENS": self.camera.aperture_radius > 0,
             **self._filter_constants(),
             **self.phase.constants,
         }
+
+    def _surface_uniforms(self) -> dict[str, int]:
+        if self.surfaces is None:
+            return {}
+        first = 2 * len(self.light_table.entries)
+        return {f"surface_{name}": first + row for name, row in self.surfaces.offsets.items()}
 
     def _filter_constants(self) -> dict[str, Constant]:
         kind = KINDS[self.config.filter.kind]
@@ -94,6 +117,8 @@ class Scene:
             "generated/track.glsl": f'#include "medium/track_{self.config.tracking}.glsl"\n',
             "generated/phase.glsl": f'#include "{self.phase.piece}"\n',
             "generated/phase_block.glsl": self.phase.block,
+            "generated/surfaces.glsl": "" if self.surfaces is None else SURFACE_PIECE,
+            "generated/texture.glsl": '#include "surface/texture.glsl"\n',
             "generated/lens.glsl": LENS_PIECE if self.camera.aperture_radius > 0 else "",
             "generated/filter.glsl": "" if self.config.filter.kind == "box" else FILTER_PIECE,
         }
@@ -127,6 +152,7 @@ class Scene:
                 camera.aperture_rotation,
             ),
             **filter_uniforms(config.filter),
+            **self._surface_uniforms(),
             "environment_size": (2 * rows, rows),
             "light_count": len(self.light_table.entries),
             "directional_lights": [tuple(row) for row in self.light_table.directions.tolist()],
@@ -137,8 +163,10 @@ def build_scene(config: RenderConfig, volume: FiberVolume, scattering: Mapping[s
     """Put volume, camera and lights together. Raises `InputError` for what cannot be rendered."""
     phase = build_phase_table(volume.media, scattering)
     pool = build_brick_pool(list(volume.grids.values()))
-    camera = place_camera(config.camera, np.asarray(volume.bounds_mm), config.resolution)
-    return Scene(config, pool, camera, build_light_table(config.lights, camera.axes), phase)
+    bounds = np.asarray(volume.bounds_mm)
+    camera = place_camera(config.camera, bounds, config.resolution)
+    surfaces = build_surface_table(config.surfaces, bounds, pool.corner_mm, pool.voxel_size_mm)
+    return Scene(config, pool, camera, build_light_table(config.lights, camera.axes), phase, surfaces)
 
 
 def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scattering]) -> PhaseTable:

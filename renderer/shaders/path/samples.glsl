@@ -62,9 +62,15 @@ void start_camera_ray(inout Path p) {
     p.depth_left = exponential(random_words(p.rng).x);
     p.next_free = p.depth_left;
     vec3 size = vec3(grid_cells * 8);
+#if SURFACES
+    p.t = 0.0;
+    p.voxel = ivec3(floor(p.origin));
+    start_seek(p, NO_END, MODE_FLIGHT);
+#else
     p.t = enter_box(size, p.origin, p.direction);
     p.voxel = clamp(ivec3(floor(p.origin + p.direction * p.t)), ivec3(0), grid_cells * 8 - 1);
     p.mode = p.t < 0.0 ? MODE_ESCAPED : MODE_FLIGHT;
+#endif
 }
 
 // The next sample of the lane's pixel, or the first one of the next pixel nobody has taken.

@@ -28,6 +28,13 @@ void roulette(inout Path p, uint bits) {
     p.throughput = survives ? p.throughput / survival : vec3(0.0);
 }
 
+void cut_path(inout Path p) {
+    cut_paths += 1u;
+    film_add_cut(film_pixel(p.rng.x));
+    p.mode = MODE_ESCAPED;
+    p.throughput = vec3(0.0);
+}
+
 void scatter(inout Path p) {
     uvec4 bits = random_words(p.rng);
     vec3 axis;
@@ -38,10 +45,7 @@ void scatter(inout Path p) {
         film_add_first_scattering(film_pixel(p.rng.x), p.t, axis, phase_albedo(phase));
     }
     if (p.bounce >= max_bounces) {
-        cut_paths += 1u;
-        film_add_cut(film_pixel(p.rng.x));
-        p.mode = MODE_ESCAPED;
-        p.throughput = vec3(0.0);
+        cut_path(p);
         return;
     }
     p.bounce += 1u;

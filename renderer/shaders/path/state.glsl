@@ -1,7 +1,8 @@
 // The state of one lane, and its place in the state buffer between dispatches. Everything a path depends on is
 // saved bit by bit, so cutting a path into dispatches changes nothing.
-// Needs from the program: states[] (9 uvec4 per lane, STATE_WORDS in renderer/kernel.py), lane_count, seed.
+// Needs from the program: states[] (9 uvec4 per lane, 10 with surfaces; STATE_WORDS in renderer/kernel.py), lane_count, seed.
 #include "rng/random.glsl"
+#constant SURFACES
 
 // 32 random bits each; moves the sample on by one dimension.
 uvec4 random_words(inout uvec4 rng) {
@@ -26,6 +27,14 @@ const uint MODE_COLLISION = 2u;  // a scattering event is due
 const uint MODE_ESCAPED = 3u;    // left the volume
 const uint MODE_IDLE = 4u;       // needs a new sample
 const uint MODE_DONE = 5u;       // no samples left
+#if SURFACES
+const uint MODE_SEEK = 6u;       // looking for the surface that ends the segment
+const uint MODE_SURFACE = 7u;    // has met it
+const uint NO_TRIANGLE = 0xffffffffu;
+const uint NO_NODE = 0xffffffffu;
+const float NO_END = 1e30;
+const ivec3 ON_SURFACE = ivec3(-0x40000000);  // the voxel of an origin that lies on a surface
+#endif
 
 struct Path {
     vec3 origin;         // of the segment [voxels]
@@ -45,6 +54,12 @@ struct Path {
     ivec3 origin_voxel;
     uvec4 rng;           // pixel, sample, dimension, seed; see rng/random.glsl
     float next_free;     // delta tracking: optical depth to the next tentative collision
+#if SURFACES
+    float t_end;         // where the segment ends: the nearest surface found, or the light [voxels]
+    uint node;           // of the hierarchy, the next to be looked at
+    uint triangle;       // the nearest found
+    uint sought;         // the mode that follows: flight or shadow
+#endif
 };
 
 Path load_path(uint lane) {
@@ -75,6 +90,13 @@ Path load_path(uint lane) {
     p.origin_voxel = ivec3(w7.xyz);
     p.rng = uvec4(w8.x, w8.y, w7.w, seed);
     p.next_free = uintBitsToFloat(w8.z);
+#if SURFACES
+    uvec4 w9 = states[lane + lane_count * 9u];
+    p.t_end = uintBitsToFloat(w9.x);
+    p.node = w9.y;
+    p.triangle = w9.z;
+    p.sought = w9.w;
+#endif
     return p;
 }
 
@@ -88,4 +110,7 @@ void store_path(uint lane, Path p) {
     states[lane + lane_count * 6u] = uvec4(uvec3(p.voxel), p.bounce);
     states[lane + lane_count * 7u] = uvec4(uvec3(p.origin_voxel), p.rng.z);
     states[lane + lane_count * 8u] = uvec4(p.rng.x, p.rng.y, floatBitsToUint(p.next_free), 0u);
+#if SURFACES
+    states[lane + lane_count * 9u] = uvec4(floatBitsToUint(p.t_end), p.node, p.triangle, p.sought);
+#endif
 }

@@ -4,6 +4,7 @@
 #version 430
 #constant GROUP_SIZE
 #constant STEPS_PER_ROUND
+#constant SEEKS_PER_ROUND
 
 layout(local_size_x = GROUP_SIZE) in;
 
@@ -38,6 +39,11 @@ uniform vec3 camera_up;
 uniform ivec2 environment_size;
 uniform uint light_count;
 uniform vec4 directional_lights[16];
+uniform uint surface_nodes;  // first rows of each kind in lights[], behind the lights (renderer/surfaces.py)
+uniform uint surface_triangles;
+uniform uint surface_attributes;
+uniform uint surface_materials;
+uniform uint surface_texels;
 
 const uint COUNTER_PIXEL = 0u;
 
@@ -70,11 +76,17 @@ uint nth_pixel(uint n) {
 #include "generated/voxel_pages.glsl"
 #include "generated/track.glsl"
 #include "path/samples.glsl"
+#constant SURFACES
+#include "generated/surfaces.glsl"  // geometry/seek.glsl, path/surface.glsl; empty where there are none
 
 void main() {
     uint lane = gl_GlobalInvocationID.x;
     Path path = load_path(lane);
     for (uint r = 0u; r < round_count && path.mode != MODE_DONE; ++r) {
+#if SURFACES
+        for (uint i = 0u; i < uint(SEEKS_PER_ROUND) && path.mode == MODE_SEEK; ++i) seek(path);
+        if (path.mode == MODE_SURFACE) meet_surface(path);
+#endif
         for (uint i = 0u; i < uint(STEPS_PER_ROUND) && path.mode <= MODE_SHADOW; ++i) {
             track(path);
             track_steps += 1u;

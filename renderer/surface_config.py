@@ -1,0 +1,70 @@
+"""Settings of surfaces: meshes from files, a ground, and what they are made of."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from weft.files.input_file import InputFile
+
+from .settings import Reflectance, Settings, Vector
+
+
+class DiffuseMaterial(Settings):
+    """Lambert's law, on both sides."""
+
+    kind: Literal["diffuse"] = "diffuse"
+    color: Reflectance = (0.5, 0.5, 0.5)
+    """Linear RGB reflectance; a texture is multiplied by it."""
+    texture: InputFile | None = None
+    """PNG or JPEG in sRGB over u, v; repeated outside of [0, 1], v upward."""
+
+
+Material = DiffuseMaterial
+
+
+class Placement(Settings):
+    """Where a mesh stands: scaled, turned about x, then y, then z, moved."""
+
+    scale: float = Field(default=1.0, gt=0)
+    """Factor on the mesh's size."""
+    rotation_deg: Vector = (0.0, 0.0, 0.0)
+    """About the axes x, y and z, in this order, each counterclockwise seen from its tip."""
+    position_mm: Vector = (0.0, 0.0, 0.0)
+    """Where the file's origin comes to lie."""
+
+
+class MeshSurface(Settings):
+    """Triangles from an OBJ, PLY, glTF or STL file."""
+
+    kind: Literal["mesh"] = "mesh"
+    file: InputFile
+    """The mesh; all objects of a scene together."""
+    unit_mm: float = Field(default=1.0, gt=0)
+    """Length of the file's unit; glTF files are in meters, 1000."""
+    smooth: bool = True
+    """Shade with the normals of the vertices; otherwise flat triangles are seen."""
+    placements: tuple[Placement, ...] = Field(default=(Placement(),), min_length=1, max_length=4096)
+    """One copy of the mesh for each."""
+    material: Material = DiffuseMaterial()
+    """What it is made of."""
+
+
+class GroundSurface(Settings):
+    """A square under, or behind, the volume."""
+
+    kind: Literal["ground"] = "ground"
+    normal: Vector = (0.0, 1.0, 0.0)
+    """Toward the volume; (0, 0, 1) for a cloth that lies in the plane of x and y."""
+    gap_mm: float = 0.0
+    """Between ground and volume, along the normal."""
+    size_mm: float | None = Field(default=None, gt=0)
+    """Side of the square; unset: ten times the diagonal of the volume."""
+    texture_size_mm: float = Field(default=100.0, gt=0)
+    """Side of the square that one copy of the texture covers."""
+    material: Material = DiffuseMaterial()
+    """What it is made of."""
+
+
+Surface = MeshSurface | GroundSurface

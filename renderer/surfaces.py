@@ -1,0 +1,128 @@
+"""All surfaces of a scene as rows of four floats, in the layout of shaders/geometry/ and shaders/surface/."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from weft.files.errors import InputError
+
+from .bvh import Bvh, build_bvh
+from .mesh import Triangles, ground_triangles, joined, mesh_triangles
+from .surface_config import GroundSurface, Material, Surface
+
+NODE_ROWS = 5
+TRIANGLE_ROWS = 3
+ATTRIBUTE_ROWS = 4
+MATERIAL_ROWS = 2
+NO_TEXTURE = 0xFFFFFFFF
+
+
+@dataclass(frozen=True)
+class SurfaceTable:
+    """Rows of float32, shape [row_count, 4], and where each kind begins."""
+
+    rows: np.ndarray
+    offsets: dict[str, int]
+    """First row of `nodes`, `triangles`, `attributes`, `materials`, `texels`."""
+    triangle_count: int
+    textured: bool
+
+
+def build_surface_table(
+    surfaces: Sequence[Surface], bounds_mm: np.ndarray, corner_mm: np.ndarray, voxel_size_mm: float
+) -> SurfaceTable | None:
+    """Geometry in voxels from `corner_mm`; none where there are no surfaces. `bounds_mm`: of the volume."""
+    if not surfaces:
+        return None
+    triangles = joined(
+        [
+            ground_triangles(surface, bounds_mm, index)
+            if isinstance(surface, GroundSurface)
+            else mesh_triangles(surface, index)
+            for index, surface in enumerate(surfaces)
+        ]
+    )
+    # boxes of what the device sees, which is rounded to 32 bits
+    corners = ((triangles.corners - corner_mm) / voxel_size_mm).astype(np.float32).astype(np.float64)
+    bvh = build_bvh(corners.min(axis=1), corners.max(axis=1))
+    materials, texels = _material_rows([surface.material for surface in surfaces])
+    parts = {
+        "nodes": _node_rows(bvh),
+        "triangles": _triangle_rows(corners[bvh.order], triangles.material[bvh.order]),
+        "attributes": _attribute_rows(triangles, bvh.order),
+        "materials": materials,
+        "texels": texels,
+    }
+    ends = np.cumsum([0, *(len(part) for part in parts.values())]).tolist()
+    rows = np.concatenate(list(parts.values()))
+    return SurfaceTable(
+        rows, dict(zip(parts, ends, strict=False)), len(triangles), any(s.material.texture for s in surfaces)
+    )
+
+
+def _node_rows(bvh: Bvh) -> np.ndarray:
+    """(lower, first triangle), (upper, triangle count), links of two directions in each of three."""
+    rows = np.empty((len(bvh.first), NODE_ROWS, 4), np.float32)
+    rows[:, 0, :3], rows[:, 1, :3] = bvh.lower, bvh.upper  # both are float32 already
+    rows[:, 0, 3], rows[:, 1, 3] = _bits(bvh.first), _bits(bvh.count)
+    rows[:, 2:] = bvh.links.view(np.float32).reshape(-1, 3, 4)
+    return rows.reshape(-1, 4)
+
+
+def _triangle_rows(corners: np.ndarray, material: np.ndarray) -> np.ndarray:
+    """(corner, material), (first edge, 0), (second edge, 0)."""
+    rows = np.zeros((len(corners), TRIANGLE_ROWS, 4), np.float32)
+    rows[:, 0, :3], rows[:, 0, 3] = corners[:, 0], _bits(material)
+    rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
+    return rows.reshape(-1, 4)
+
+
+def _attribute_rows(triangles: Triangles, order: np.ndarray) -> np.ndarray:
+    """(normal, u) of each corner; (v of each corner, 0)."""
+    rows = np.zeros((len(order), ATTRIBUTE_ROWS, 4), np.float32)
+    rows[:, :3, :3], rows[:, :3, 3] = triangles.normals[order], triangles.uvs[order, :, 0]
+    rows[:, 3, :3] = triangles.uvs[order, :, 1]
+    return rows.reshape(-1, 4)
+
+
+def _material_rows(materials: Sequence[Material]) -> tuple[np.ndarray, np.ndarray]:
+    """Materials, (color, 0), (first texel, width, height, 0); and texels, four to a row, a picture once."""
+    rows = np.zeros((len(materials), MATERIAL_ROWS, 4), np.float32)
+    pictures: list[np.ndarray] = []
+    known: dict[Path, tuple[int, int, int]] = {}
+    for row, material in zip(rows, materials, strict=True):
+        row[0, :3] = material.color
+        row[1, 0] = _bits(np.array(NO_TEXTURE))
+        if material.texture is None:
+            continue
+        if material.texture not in known:
+            texels = read_texture(material.texture)
+            known[material.texture] = (sum(p.size for p in pictures), *texels.shape[::-1])
+            pictures.append(texels)
+        row[1, :3] = _bits(np.array(known[material.texture]))
+    flat = np.concatenate([p.ravel() for p in pictures]) if pictures else np.zeros(0, np.uint32)
+    padded = np.concatenate([flat, np.zeros(-len(flat) % 4, np.uint32)])
+    return rows.reshape(-1, 4), padded.view(np.float32).reshape(-1, 4)
+
+
+def read_texture(path: Path) -> np.ndarray:
+    """sRGB texels, red in the lowest byte, uint32, shape [height, width], the first row at v = 0."""
+    from PIL import Image
+
+    if not Path(path).is_file():
+        raise InputError("no such file.", path=path)
+    try:
+        with Image.open(path) as picture:
+            rgb = np.asarray(picture.convert("RGB"), np.uint32)[::-1]
+    except (OSError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"not a readable picture: {error}.", path=path) from error
+    return np.ascontiguousarray(rgb[..., 0] | rgb[..., 1] << 8 | rgb[..., 2] << 16)
+
+
+def _bits(values: np.ndarray) -> np.ndarray:
+    """Whole numbers as the floats that hold their bits."""
+    return np.asarray(values).astype(np.uint32).view(np.float32)

@@ -1,0 +1,179 @@
+"""A ball and a ground around a volume, under a constant light and the sun, look as in Mitsuba 3."""
+
+from __future__ import annotations
+
+import math
+import time
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from tests.peers.mitsuba_volume import PeerImage
+from weft.renderer.config import ConstantLight, DirectionalLight, PerspectiveCamera, RenderConfig
+from weft.renderer.render import run
+from weft.renderer.scene import IsotropicPhase
+from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MeshSurface, Placement
+
+from .meshes import write_ball
+from .volumes import VOXEL_MM, brick_origins, volume
+
+pytestmark = pytest.mark.gl
+
+ERROR_PROBABILITY = 1e-4
+"""Chance that a comparison below fails although both programs are right (two-sided, Sidak over the tiles)."""
+SIZE, TILE = 48, 8
+SUN, SUN_IRRADIANCE = (1.0, 2.0, 0.5), 2.0
+POSITION, TARGET, FOV = (2.5, 3.0, 4.0), (0.7, 0.2, 0.4), 30.0
+GROUND, BALL = (0.3, 0.6, 0.8), (0.8, 0.5, 0.2)
+BALL_AT, BALL_RADIUS = (1.6, 0.35, 0.3), 0.35
+
+
+def blobs(seed=7):
+    """Two bricks a side of smooth extinction between 0 and 12 per mm."""
+    from weft.voxelize.grid import FiberGrid
+
+    rng = np.random.default_rng(seed)
+    density = (12 * rng.random((8, 512)) * (rng.random((8, 512)) < 0.4)).astype(np.float32)
+    axis = np.zeros((8, 512, 3), np.float32)
+    axis[..., 0] = density > 0
+    return FiberGrid(VOXEL_MM, 0.01, brick_origins((2, 2, 2)), density, axis)
+
+
+def weft_picture(folder, grid) -> PeerImage:
+    config = RenderConfig(
+        resolution=(SIZE, SIZE),
+        samples_per_pixel=384,
+        seed=3,
+        max_bounces=1000,
+        camera=PerspectiveCamera(position_mm=POSITION, target_mm=TARGET, fov_deg=FOV),
+        lights=[ConstantLight(), DirectionalLight(direction=SUN, irradiance=(SUN_IRRADIANCE,) * 3)],
+        background="environment",
+        extinction="isotropic",
+        isotropic_extinction_per_mm=1.0,
+        surfaces=[
+            GroundSurface(size_mm=8, material=DiffuseMaterial(color=GROUND)),
+            MeshSurface(
+                file=write_ball(folder, radius=BALL_RADIUS),
+                material=DiffuseMaterial(color=BALL),
+                placements=[Placement(position_mm=BALL_AT)],
+                smooth=False,
+            ),
+        ],
+    )
+    started = time.process_time()
+    result = run(config, volume(grid), {"a": IsotropicPhase((0.9,) * 3)})
+    variance = np.stack([result.layers[f"variance.{c}"] for c in "RGB"], -1).astype(float)
+    return PeerImage(
+        result.radiance.astype(float), variance, result.statistics.paths, time.process_time() - started
+    )
+
+
+def mitsuba_picture(folder, grid, *, runs=8, samples=48) -> PeerImage:
+    import mitsuba as mi
+
+    mi.set_variant("scalar_rgb")
+    scene = mi.load_dict(mitsuba_scene(mi, folder, grid))
+    started = time.process_time()
+    images = [np.asarray(mi.render(scene, spp=samples, seed=100 + i))[..., :3] for i in range(runs)]
+    stack = np.stack(images).astype(float)
+    seconds = time.process_time() - started
+    return PeerImage(stack.mean(0), stack.var(0, ddof=1) / runs, runs * samples * SIZE**2, seconds)
+
+
+def mitsuba_scene(mi, folder, grid) -> dict:
+    transform = mi.ScalarTransform4f
+    half = VOXEL_MM * 8
+    values = np.zeros((16, 16, 16), np.float32)
+    for place, density in zip(grid.origins, grid.density, strict=True):
+        values[tuple(slice(p, p + 8) for p in place)] = density.reshape(8, 8, 8)
+    write_ball(folder, name="ball.ply", radius=BALL_RADIUS)
+
+    def diffuse(color):
+        return {
+            "type": "twosided",
+            "b": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(color)}},
+        }
+
+    return {
+        "type": "scene",
+        "integrator": {"type": "volpath", "max_depth": 1000, "rr_depth": 1000},
+        "sky": {"type": "constant", "radiance": 1.0},
+        "sun": {"type": "directional", "direction": [-x for x in SUN], "irradiance": SUN_IRRADIANCE},
+        "ground": {
+            "type": "rectangle",
+            "to_world": transform().translate([half, 0, half]).rotate([1, 0, 0], -90).scale(4.0),
+            "bsdf": diffuse(GROUND),
+        },
+        "ball": {
+            "type": "ply",
+            "filename": str(folder / "ball.ply"),
+            "face_normals": True,
+            "to_world": transform().translate(list(BALL_AT)),
+            "bsdf": diffuse(BALL),
+        },
+        "block": {
+            "type": "cube",
+            # a thousandth of a millimeter above the ground, which it would share a face with
+            "to_world": transform().translate([half, half + 1e-3, half]).scale(half),
+            "bsdf": {"type": "null"},
+            "interior": {
+                "type": "heterogeneous",
+                "sigma_t": {
+                    "type": "gridvolume",
+                    "grid": mi.VolumeGrid(np.ascontiguousarray(values.transpose(2, 1, 0)[..., None])),
+                    "filter_type": "nearest",
+                    "to_world": transform().translate([0, 1e-3, 0]).scale(2 * half),
+                },
+                "albedo": 0.9,
+                "phase": {"type": "isotropic"},
+            },
+        },
+        "sensor": {
+            "type": "perspective",
+            "fov": FOV,
+            "to_world": transform().look_at(origin=list(POSITION), target=list(TARGET), up=[0, 1, 0]),
+            "sampler": {"type": "independent"},
+            "film": {
+                "type": "hdrfilm",
+                "width": SIZE,
+                "height": SIZE,
+                "rfilter": {"type": "box"},
+                "pixel_format": "rgb",
+            },
+        },
+    }
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory):
+    pytest.importorskip("mitsuba", reason="Mitsuba 3 is not installed")
+    folder, grid = tmp_path_factory.mktemp("ball"), blobs()
+    return weft_picture(folder, grid), mitsuba_picture(folder, grid)
+
+
+def tiles(image, tile):
+    n = SIZE // tile
+    return image.reshape(n, tile, n, tile, 3).sum(axis=(1, 3))
+
+
+def welch(a, b, tile):
+    error = np.sqrt(tiles(a.variance + b.variance, tile))
+    return tiles(a.mean - b.mean, tile) / np.maximum(error, 1e-5 * tile**2)
+
+
+def threshold(count):
+    return NormalDist().inv_cdf(1 - (1 - (1 - ERROR_PROBABILITY) ** (1 / count)) / 2)
+
+
+def test_the_whole_picture_agrees_with_mitsuba(images):
+    weft, mitsuba = images
+    relative_error = math.sqrt(weft.variance.sum() + mitsuba.variance.sum()) / mitsuba.mean.sum()
+    assert relative_error < 1e-3, "too few samples to see a bias of half a percent"
+    assert np.abs(welch(weft, mitsuba, SIZE)).max() < threshold(3)
+
+
+def test_every_tile_agrees_with_mitsuba(images):
+    z = welch(*images, TILE)
+    assert np.abs(z).max() < threshold(z.size)
+    assert 0.6 < z[np.abs(z) > 1e-9].std() < 1.5, "differences should be as large as their standard errors"
