@@ -9,10 +9,11 @@ import subprocess
 
 import pytest
 
-from weft.renderer.config import ConstantLight, RenderConfig
+from weft.renderer.config import ConstantLight, LanczosFilter, PerspectiveCamera, RenderConfig
 from weft.renderer.gpu.shader_source import assemble
 from weft.renderer.kernel import voxel_pages_glsl
 from weft.renderer.scene import IsotropicPhase, build_scene
+from weft.renderer.surface_config import GroundSurface
 
 from .test_transport import TABLE
 from .volumes import random_grid, volume
@@ -20,32 +21,38 @@ from .volumes import random_grid, volume
 VARIANTS = list(
     itertools.product(("exact", "delta"), ("projected", "isotropic"), ("fiber", "isotropic"), (1, 8), (0, 1))
 )
+EXTRAS = {
+    "surfaces": [GroundSurface()],
+    "filter": LanczosFilter(),
+    "camera": PerspectiveCamera(aperture_radius_mm=0.1, aperture_blades=6),
+}
 
 
-def kernel_text(tracking, extinction, phase, count, philox):
+def kernel_text(tracking, extinction, phase, count, philox, **extras):
     """The assembled kernel with `count` media and pages of voxels."""
-    config = RenderConfig(tracking=tracking, extinction=extinction, lights=[ConstantLight()])
+    config = RenderConfig(tracking=tracking, extinction=extinction, lights=[ConstantLight()], **extras)
     grids = [random_grid((1, 1, 1), seed=i) for i in range(count)]
     scene = build_scene(
         config, volume(*grids), {"a": TABLE["reference"] if phase == "fiber" else IsotropicPhase()}
     )
-    options = {"GROUP_SIZE": 64, "STEPS_PER_ROUND": 24, "RANDOM_PHILOX": philox}
+    options = {"GROUP_SIZE": 64, "STEPS_PER_ROUND": 24, "SEEKS_PER_ROUND": 32, "RANDOM_PHILOX": philox}
     pieces = scene.pieces() | {"generated/voxel_pages.glsl": voxel_pages_glsl(count, 16)}
     return assemble("path/trace.comp", constants=scene.constants() | options, pieces=pieces).text
 
 
 @pytest.mark.skipif(shutil.which("glslangValidator") is None, reason="glslang-tools is not installed")
 def test_the_reference_compiler_accepts_every_variant(tmp_path):
-    for index, variant in enumerate(VARIANTS):
+    for index, (variant, extras) in enumerate(itertools.product(VARIANTS, ({}, EXTRAS))):
         file = tmp_path / f"{index}.comp"
-        file.write_text(kernel_text(*variant))
+        file.write_text(kernel_text(*variant, **extras))
         check = subprocess.run(["glslangValidator", "-l", file], capture_output=True, text=True, check=False)
         assert check.returncode == 0, f"{variant}: {check.stdout}"
         assert "WARNING" not in check.stdout, f"{variant}: {check.stdout}"
 
 
-def test_storage_buffers_stay_within_the_guaranteed_eight():
+@pytest.mark.parametrize("extras", [{}, EXTRAS], ids=["plain", "with surfaces"])
+def test_storage_buffers_stay_within_the_guaranteed_eight(extras):
     """OpenGL 4.3 promises eight storage blocks per compute program; one page of voxels must do with them."""
-    text = kernel_text("exact", "projected", "fiber", 1, 0)
+    text = kernel_text("exact", "projected", "fiber", 1, 0, **extras)
     bindings = re.findall(r"^layout\(std430, binding = (\d+)\)", text, re.MULTILINE)
     assert [int(binding) for binding in bindings] == list(range(8))
