@@ -1,7 +1,7 @@
 """Variable projection (Golub and Pereyra 1973): given the widths, the amplitudes follow linearly.
 
-With s = (1 - cos theta)^5 the model is a0 (1-s) L_R + a1 s L_R + b (1-s) L_TT + d (1-s) L_TRT per channel;
-with the scale k: a1 = k C_R, a0 = a1 F_R, b = k C_TT T (1-F_R), d = k C_TRT (1-T) (1-F_R). So only the widths are
+With s = (1 - cos theta)^5 the model is a0 (1-s) L_R + a1 s L_R + b (1-s) L_TT + d (1-s) L_TRT per channel.
+With the scale k: a1 = k C_R, a0 = a1 F_R, b = k C_TT T (1-F_R), d = k C_TRT (1-T) (1-F_R). Only widths are
 left to search for, and no start can be bad in the amplitudes.
 """
 

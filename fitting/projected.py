@@ -67,6 +67,12 @@ def polish(
     return Polished(expand(p, end.x), 0.5 * end.r @ end.r, end.edm, end.step, end.jacobian)
 
 
+@partial(jax.jit, static_argnames=("residual",))
+def free_jacobian(residual: Residual, p: Parameterization, data: Any, x: jax.Array) -> jax.Array:
+    """dr / dx, shape [residuals, P]; zero columns where x is not free."""
+    return jax.jacfwd(partial(_residuals_of_free, residual, p, data))(x)
+
+
 def _residuals_of_free(residual: Residual, p: Parameterization, data: Any, x: jax.Array) -> jax.Array:
     return residual(expand(p, x), data)
 

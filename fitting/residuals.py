@@ -115,19 +115,38 @@ def transform_slope(loss: str, y: Any, peak: Any) -> Any:
 
 
 def direction_data(measurements: Measurements) -> DirectionData:
-    """With weights of one; `weights_from_sigma` gives the right ones."""
+    """With weights of one; noise.py gives the right ones."""
     if measurements.quantity == "brdf":
         raise InputError(
             "fit: the measurements are of a surface (quantity 'brdf'); the fiber's lobes need "
             "'phase_function' or 'bcsdf'"
         )
-    directions = distinct_directions(
-        measurements.theta_i, measurements.theta_o, measurements.phi_o - measurements.phi_i
-    )
     cos_o = np.cos(measurements.theta_o)
     if measurements.quantity == "bcsdf" and (cos_o < 1e-6).any():
         raise InputError("fit: a detector along the fiber (theta_o = 90 deg) sees no finite BCSDF; mask it")
     factor = 1 / cos_o if measurements.quantity == "bcsdf" else np.ones_like(cos_o)
+    directions = distinct_directions(
+        measurements.theta_i, measurements.theta_o, measurements.phi_o - measurements.phi_i
+    )
     values = measurements.values
     peak = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
-    return DirectionData(directions, *map(jnp.asarray, (factor, values, np.ones_like(values), peak)))
+    padded = DistinctDirections(*map(_padded, directions))
+    weights = _padded(np.ones_like(values), with_zeros=True)
+    return DirectionData(padded, *map(jnp.asarray, (_padded(factor), _padded(values), weights, peak)))
+
+
+def _padded(array: Any, *, with_zeros: bool = False) -> jax.Array:
+    """Longer by repeating the last row (or by zeros) to one of a few lengths.
+
+    Functions compile per length; so measurements of about the same size share what was compiled.
+    """
+    array = np.asarray(array)
+    missing = _length(len(array)) - len(array)
+    filling = np.zeros_like(array[:1]) if with_zeros else array[-1:]
+    return jnp.asarray(np.concatenate([array, np.repeat(filling, missing, axis=0)]))
+
+
+def _length(count: int) -> int:
+    """The next of 16, 20, 24, 28, 32, 40, ...: at most a quarter more than asked for."""
+    step = max(2 ** (max(count - 1, 1).bit_length() - 3), 4)
+    return -(-count // step) * step

@@ -34,7 +34,7 @@ import optimistix  # isort: skip
 Array = NDArray[np.float64]
 
 SEARCH_STEPS = 60
-KEPT = 6
+KEPT = 4
 """How many of the best starts are polished."""
 EDM_LIMIT = 1e-6
 SAME_COST = 1e-6
@@ -78,14 +78,22 @@ def solve(
     points, costs = _search(residual.kinds, residual.channels, parameterization, data, choice, starts)
     costs = np.where(np.isfinite(costs), costs, np.inf)
     chosen = _distinct_best(np.asarray(points), np.asarray(costs))
-    ends = _polish_all(residual, parameterization, data, points[np.array(chosen)])
-    best = int(np.nanargmin(np.where(np.isfinite(ends.cost), ends.cost, np.inf)))
-    solution = jax.tree.map(lambda part: np.asarray(part[best]), ends)
-    check_convergence(solution, data)
+    end = polish_best(residual, parameterization, data, np.asarray(points)[chosen])
     near = costs <= costs.min() * (1 + 1e-3) + SAME_COST * data.values.size
-    return Solution(
-        solution.x, float(solution.cost), float(solution.edm), solution.jacobian, len(starts), int(near.sum())
-    )
+    x, jacobian = np.asarray(end.x), np.asarray(end.jacobian)
+    return Solution(x, float(end.cost), float(end.edm), jacobian, len(starts), int(near.sum()))
+
+
+def polish_best(
+    residual: DirectionResidual, parameterization: Parameterization, data: DirectionData, points: Array
+) -> Polished:
+    """The lowest of the minima below `points`, shape [up to KEPT, P]; refused where it is not converged."""
+    points = np.concatenate([points, np.repeat(points[:1], KEPT - len(points), axis=0)])
+    ends = _polish_all(residual, parameterization, data, points)
+    best = int(np.argmin(np.where(np.isfinite(ends.cost), ends.cost, np.inf)))
+    end: Any = jax.tree.map(lambda part: np.asarray(part[best]), ends)
+    check_convergence(end, data)
+    return Polished(*end)
 
 
 def check_convergence(solution: Polished, data: DirectionData) -> None:
@@ -140,7 +148,7 @@ def _polish_all(
 
 
 def _distinct_best(points: Array, costs: Array) -> list[int]:
-    """The `KEPT` lowest costs, leaving out points that repeat a better one; padded with the best."""
+    """The `KEPT` lowest costs, leaving out points that repeat a better one."""
     chosen: list[int] = []
     for index in np.argsort(costs, kind="stable"):
         widths = np.log(points[index, :SHAPE_COUNT])
@@ -151,4 +159,4 @@ def _distinct_best(points: Array, costs: Array) -> list[int]:
             break
     if not chosen:
         raise InputError("fit: no start gave finite residuals", hint="Look for outliers in the measurements.")
-    return chosen + [chosen[0]] * (KEPT - len(chosen))
+    return chosen

@@ -8,8 +8,7 @@ from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.fiber_model.scattering.phase import fiber_phase_eval
 from weft.fitting.config import FitConfig
 from weft.fitting.measurements import Measurements
-from weft.fitting.parameterization import build_parameterization, lobe_kinds
-from weft.fitting.residuals import DirectionResidual, direction_data
+from weft.fitting.problem import FitProblem
 
 LIGHTS_DEG = (0.0, 30.0, 60.0, 75.0)
 AROUND_SPECULAR_DEG = (-20.0, -12.0, -8.0, -5.0, -3.0, -1.5, 0.0, 1.5, 3.0, 5.0, 8.0, 12.0, 20.0)
@@ -90,13 +89,8 @@ def config(**changes) -> FitConfig:
 
 def problem(measurements: Measurements, **changes):
     """Residual, parameterization and data for the parts of the fit."""
-    asked = config(**changes)
-    channels = measurements.values.shape[1]
-    data = direction_data(measurements)
-    if measurements.sigma is not None:
-        data = data._replace(weights=1 / measurements.sigma)
-    residual = DirectionResidual(lobe_kinds(asked), channels, asked.loss, asked.robust, asked.robust_sigmas)
-    return residual, build_parameterization(asked, channels, scale_known=measurements.scale_known), data
+    made = FitProblem(config(**changes), measurements)
+    return made.residual, made.parameterization, made.data
 
 
 def vector_of(parameters: FiberScatteringParameters, channels=1):

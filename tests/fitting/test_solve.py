@@ -24,7 +24,7 @@ def test_search_reaches_the_minimum_next_to_the_truth(seed):
 
 def test_polish_stops_at_a_bound_where_the_gradient_points_outward():
     truth = random_truth(np.random.default_rng(1))
-    residual, parameterization, data = problem(synthetic(truth, noise=0.0))
+    residual, parameterization, data = problem(synthetic(truth, noise=0.0), noise={"kind": "uniform"})
     parameterization.upper[1] = 0.9 * truth.longitudinal_width_tt
     found = polish(residual, parameterization, data, vector_of(truth))
     assert float(found.x[1]) == parameterization.upper[1]

@@ -1,0 +1,109 @@
+"""The stage as a whole: what it finds, what it says of it, and what it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.fitting.fit_cases import config, random_truth, synthetic, vector_of
+from weft.files.errors import InputError
+from weft.fitting.fit import run
+from weft.fitting.parameterization import to_external_units
+
+TRUTH = random_truth(np.random.default_rng(1))
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return run(config(), synthetic(TRUTH, seed=1, state_sigma=False))
+
+
+def test_truth_lies_within_four_standard_errors(fitted):
+    """A correct fit fails with probability 7e-4 (eleven numbers of 6e-5)."""
+    truth = to_external_units(vector_of(TRUTH))
+    for number, expected in zip(fitted.fitted, truth, strict=True):
+        assert number.standard_error is not None
+        assert abs(number.value - expected) <= 4 * number.standard_error + 1e-12, number.name
+
+
+def test_chi_square_is_about_one_per_degree_of_freedom(fitted):
+    """Within five standard deviations of chi²; a correct fit fails with probability 6e-7."""
+    n = fitted.degrees_of_freedom
+    assert abs(fitted.chi2 / n - 1) < 5 * np.sqrt(2 / n)
+
+
+def test_repeats_itself_to_the_bit(fitted):
+    again = run(config(), synthetic(TRUTH, seed=1, state_sigma=False))
+    assert again.fitted == fitted.fitted
+    assert again.chi2 == fitted.chi2
+
+
+def test_noise_free_values_give_the_parameters_back():
+    exact = run(config(noise={"kind": "uniform"}), synthetic(TRUTH, noise=0.0))
+    truth = to_external_units(vector_of(TRUTH))
+    np.testing.assert_allclose([number.value for number in exact.fitted], truth, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["profile", "bootstrap"])
+def test_intervals_agree_with_the_covariance_where_the_data_are_good(kind, fitted):
+    """Bootstrap bounds of 200 samples scatter by about a tenth of their distance (68 %) from the value."""
+    other = run(config(intervals=kind), synthetic(TRUTH, seed=1, state_sigma=False))
+    for number, standard in zip(other.fitted, fitted.fitted, strict=True):
+        if standard.intervals is None:
+            assert number.intervals is None
+            continue
+        for (low, high), (low0, high0) in zip(number.intervals, standard.intervals, strict=True):
+            assert high - low == pytest.approx(high0 - low0, rel=0.05 if kind == "profile" else 0.35)
+            assert low < standard.value < high
+
+
+def test_held_out_angle_is_not_seen_and_its_error_told():
+    result = run(config(held_out_theta_i_deg=[60.0]), synthetic(TRUTH, seed=2))
+    assert 60.0 not in np.round(np.degrees(result.seen.theta_i), 6)
+    (held_out,) = result.held_out
+    assert held_out.theta_i_deg == 60.0
+    assert 0.8 < held_out.chi2_per_value < 1.3
+
+
+def test_mask_leaves_directions_out():
+    result = run(config(mask=[{"theta_o_deg": [-90, 0], "phi_deg": [90, 180]}]), synthetic(TRUTH, seed=2))
+    theta, phi = np.degrees(result.seen.theta_o), np.degrees(result.seen.phi_o)
+    assert not ((theta <= 0) & (phi >= 90)).any()
+    assert (phi >= 90).any()
+    assert (theta <= 0).any()
+
+
+@pytest.mark.parametrize("robust", ["huber", "cauchy"])
+def test_robust_loss_holds_back_outliers(robust):
+    """One value in fifty is tripled; the plain fit must be led astray for the test to mean something."""
+    from dataclasses import replace
+
+    clean = synthetic(TRUTH, seed=3)
+    values = clean.values.copy()
+    values[::50] *= 3
+    spoiled = replace(clean, values=values)
+    truth = to_external_units(vector_of(TRUTH))[:7]
+    errors = {
+        kind: max(
+            abs(number.value / expected - 1)
+            for number, expected in zip(run(config(robust=kind), spoiled).fitted[:7], truth, strict=True)
+        )
+        for kind in ("none", robust)
+    }
+    assert errors["none"] > 0.04
+    assert errors[robust] < 0.02
+
+
+def test_too_few_values_are_refused():
+    from weft.fitting.selection import take
+
+    data = synthetic(TRUTH)
+    with pytest.raises(InputError, match="cannot determine"):
+        run(config(), take(data, np.arange(len(data)) < 5))
+
+
+def test_surface_measurements_are_refused():
+    from dataclasses import replace
+
+    with pytest.raises(InputError, match="of a surface"):
+        run(config(), replace(synthetic(TRUTH), quantity="brdf"))
