@@ -57,10 +57,9 @@ def find_degeneracies(
     azimuths: Array,
 ) -> list[Degeneracy]:
     """Every one there is at the minimum. `lights` and `azimuths` [rad] are those of the data."""
-    movable = free & ~uncertainty.at_lower & ~uncertainty.at_upper
     size = np.linalg.norm(jacobian, axis=0)
-    silent = movable & (size <= 1e-12 * size.max(initial=0.0))
-    seen = movable & ~silent
+    silent = free & (size <= 1e-12 * size.max(initial=0.0))
+    seen = free & ~silent
     found = [
         Degeneracy(f"{names[i]} has no effect on the data", (names[i],), True, "Fix it.")
         for i in map(int, np.flatnonzero(silent))

@@ -64,13 +64,15 @@ def estimate(
     moving = np.flatnonzero(free & ~at_lower & ~at_upper)
     used = int((r != 0).sum())
     freedom = max(used - len(moving), 1)
-    size, v, null, condition = _directions(jacobian[:, moving])
+    size, v, _, condition = _directions(jacobian[:, moving])
+    # a fit that slid along an unseen direction to a bound must not hide it: look among all free ones
+    null = _directions(jacobian[:, free])[2]
     scale = 1.0 if absolute else float(jnp.sum(residual.hold_back(jnp.asarray(r)) ** 2)) / freedom
     inner = _inner_covariance(residual, (jacobian[:, moving] / size) @ v, r, scale)
     covariance = np.zeros((len(x), len(x)))
     covariance[np.ix_(moving, moving)] = (v @ inner @ v.T) / np.outer(size, size)
     unseen = np.zeros(len(x), dtype=bool)
-    unseen[moving] = (null**2).sum(axis=0) > INVOLVED**2
+    unseen[free] = (null**2).sum(axis=0) > INVOLVED**2
     spread = np.asarray(jax.jacfwd(lambda free_x: expand(p, free_x))(jnp.asarray(x)))
     return Uncertainty(
         covariance=spread @ covariance @ spread.T,
@@ -91,13 +93,13 @@ def _directions(columns: Array) -> tuple[Array, Array, Array, float]:
     seen = singular > NULL_SINGULAR_VALUE * singular.max(initial=0.0)
     smallest = singular.min(initial=np.inf)
     condition = float(singular.max(initial=0.0) / smallest) if smallest > 0 else np.inf
-    return np.asarray(size), vt[seen].T, vt[~seen], condition
+    return np.asarray(size, dtype=np.float64), vt[seen].T, vt[~seen], condition
 
 
 def _inner_covariance(residual: DirectionResidual, columns: Array, r: Array, scale: float) -> Array:
     """Of the seen directions: (JᵀJ)⁻¹ s², or the sandwich A⁻¹BA⁻¹ of a robust loss (Huber 1981)."""
     if residual.robust == "none":
-        return np.linalg.inv(columns.T @ columns) * scale
+        return np.asarray(np.linalg.inv(columns.T @ columns) * scale)
     influence, slope = _influence(residual, r)
     bread = np.linalg.inv(columns.T @ (slope[:, None] * columns))
     filling = columns.T @ (influence[:, None] ** 2 * columns)
