@@ -88,6 +88,10 @@ def _against_record(path: Path, *, verify: bool) -> Facts:
 def _verified(path: Path, facts: Facts) -> Facts:
     """A check by the hash that the file itself carries, or the record beside it."""
     if "content hash" in facts:
+        if path.suffix == ".vdb":
+            from weft.voxelize.vdb import refuse_changed_file
+
+            refuse_changed_file(path)
         return {"verified": "content agrees with the hash in the file"}
     if "verified" not in facts and "outputs" not in facts:
         raise InputError("carries no hash and has no run record beside it to verify against", path=path)

@@ -83,15 +83,17 @@ def export_fibers(work: StageWork) -> dict[str, Any]:
 
 def make_volume(work: StageWork) -> dict[str, Any]:
     from weft.voxelize.accumulator import DEVICE
-    from weft.voxelize.voxelize import run
+    from weft.voxelize.stream import voxelize_to_files
 
     refuse_unwritable_formats(work.job)
     fibers = fiber_set(work)
-    volume = run(work.job.table("voxelize"), fibers, progress=_part(work.progress, FIBERS_SHARE, 1.0))
-    for path in work.outputs.values():
-        save_volume(volume, path)
+    volume = voxelize_to_files(
+        work.job.table("voxelize"),
+        fibers,
+        list(work.outputs.values()),
+        progress=_part(work.progress, FIBERS_SHARE, 1.0),
+    )
     report = volume.report
-    assert report is not None
     return {
         "summary": f"{_count(volume.brick_count, 'brick')}, {report.generated_length_mm / 1000:.4g} m of "
         f"fiber, held by the grid to {abs(report.relative_difference):.0e}",
@@ -167,18 +169,6 @@ def without_native_stderr() -> Iterator[None]:
     finally:
         os.dup2(kept, 2)
         os.close(kept)
-
-
-def save_volume(volume: FiberVolume, path: Path) -> None:
-    """By its suffix, as .vdb or .nvdb."""
-    if path.suffix == ".nvdb":
-        from weft.voxelize.nanovdb import write_volume as write_nvdb
-
-        write_nvdb(path, volume)
-    else:
-        from weft.voxelize.vdb import write_volume as write_vdb
-
-        write_vdb(path, volume)
 
 
 def load_volume(path: Path) -> FiberVolume:
@@ -281,7 +271,9 @@ GRID_CODE = tuple(
         "memory",
         "nanovdb",
         "openvdb_library",
+        "parts",
         "report",
+        "stored",
         "tiles",
         "vdb",
         "vdb_child",

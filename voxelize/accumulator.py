@@ -28,6 +28,11 @@ class BrickBatch:
     density: np.ndarray
     direction: np.ndarray
 
+    @property
+    def channels(self) -> dict[str, np.ndarray]:
+        """The arrays that stand for each voxel, as `FiberGrid.channels`."""
+        return {"density": self.density, "direction": self.direction}
+
 
 class TileAccumulator:
     """Sums for all voxels of one tile, used for tile after tile by one worker."""

@@ -19,9 +19,11 @@ class VoxelizeConfig(BaseModel):
     region_mm: tuple[Corner, Corner] | None = None
     """Only what lies in this box, [[x0, y0, z0], [x1, y1, z1]], widened to whole voxels. Default: all."""
     memory_mb: float | None = Field(default=None, gt=0)
-    """Refuse to start when more memory than this would be needed. Default: what the machine has free."""
+    """Memory that the whole process may hold; tiles go to the disk as they are done, so that it suffices for any
+    garment but for 320 bytes a brick. Default: what the machine has free."""
     tile_voxels: int = Field(default=128, ge=8, le=256, multiple_of=8)
-    """Voxels along the edge of the cube that one worker fills at a time. It changes no bit of the result."""
+    """Voxels along the edge of the cube that one worker fills at a time; less where memory is short. It changes
+    no bit of the result."""
     formats: tuple[Literal["vdb", "nvdb"], ...] = Field(default=("vdb",), min_length=1)
     """Files to write: "vdb" (needs OpenVDB), "nvdb", or both; the first one is what later stages read."""
 

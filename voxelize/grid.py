@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from .report import VoxelizeReport
 
 BRICK_SIZE = 8
 BRICK_VOXELS = BRICK_SIZE**3
+CHANNELS = {"density": 1, "direction": 3}
+"""What a brick may hold, by the name of the field: numbers per voxel."""
 COORDINATE_LIMIT = 2**30
 """Voxel coordinates stay below this in size, so that sums of two fit 32 bits."""
 
@@ -52,6 +55,12 @@ class FiberGrid:
     def brick_count(self) -> int:
         return len(self.origins)
 
+    @property
+    def channels(self) -> dict[str, np.ndarray]:
+        """The arrays that stand for each voxel, in the order of `CHANNELS`."""
+        held = {name: getattr(self, name) for name in CHANNELS}
+        return {name: array for name, array in held.items() if array is not None}
+
     @cached_property
     def voxel_count(self) -> int:
         """Voxels with fiber in them."""
@@ -60,7 +69,7 @@ class FiberGrid:
     @cached_property
     def masks(self) -> np.ndarray:
         """Which voxels hold fiber, uint64, shape [brick_count, 8]: bit (y * 8 + z) of word x."""
-        return np.packbits(self.density > 0, axis=1, bitorder="little").view("<u8")
+        return occupied(self.density)
 
     @cached_property
     def fiber_length_mm(self) -> float:
@@ -138,15 +147,61 @@ class FiberVolume:
 
     @cached_property
     def content_sha256(self) -> str:
-        """SHA-256 over the media's names and canonical little-endian arrays; what the files carry."""
-        digest = hashlib.sha256()
-        for name, grid in self.grids.items():
-            encoded = name.encode()
-            digest.update(struct.pack("<Q", len(encoded)) + encoded)
-            digest.update(struct.pack("<ddQ", grid.voxel_size_mm, grid.fiber_radius_mm, grid.brick_count))
-            for array, kind in ((grid.origins, "<i4"), (grid.density, "<f4"), (grid.direction, "<f4")):
-                digest.update(np.ascontiguousarray(array, dtype=kind).data)
-        return digest.hexdigest()
+        """SHA-256 over the media and the digests of their bricks; what the files carry."""
+        return content_hash(
+            ContentOf(name, grid, tuple(grid.channels), brick_digests(grid.origins, grid.channels.values()))
+            for name, grid in self.grids.items()
+        )
+
+
+class _HasSizes(Protocol):
+    """A grid of one medium, in memory or on the disk."""
+
+    @property
+    def voxel_size_mm(self) -> float: ...
+    @property
+    def fiber_radius_mm(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class ContentOf:
+    """What the content hash of a volume says of one medium."""
+
+    medium: str
+    grid: _HasSizes
+    channels: tuple[str, ...]
+    digests: np.ndarray
+    """SHA-256 of each brick, in the order of the bricks, uint8, shape [brick_count, 32]."""
+
+
+def content_hash(media: Iterable[ContentOf]) -> str:
+    """SHA-256 of a volume, from the digests of its bricks, which can be made tile by tile."""
+    digest = hashlib.sha256()
+    for content in media:
+        names = f"{content.medium}\0{' '.join(content.channels)}".encode()
+        digest.update(struct.pack("<Q", len(names)) + names)
+        grid = content.grid
+        digest.update(struct.pack("<ddQ", grid.voxel_size_mm, grid.fiber_radius_mm, len(content.digests)))
+        digest.update(np.ascontiguousarray(content.digests).data)
+    return digest.hexdigest()
+
+
+def brick_digests(origins: np.ndarray, channels: Iterable[np.ndarray]) -> np.ndarray:
+    """SHA-256 of each brick's origin and little-endian values, uint8, shape [brick_count, 32]."""
+    digests = np.empty((len(origins), 32), dtype=np.uint8)
+    places = np.ascontiguousarray(origins, dtype="<i4")
+    values = [np.ascontiguousarray(channel, dtype="<f4") for channel in channels]
+    for row, place in enumerate(places):
+        digest = hashlib.sha256(place.data)
+        for channel in values:
+            digest.update(channel[row].data)
+        digests[row] = np.frombuffer(digest.digest(), dtype=np.uint8)
+    return digests
+
+
+def occupied(density: np.ndarray) -> np.ndarray:
+    """Which voxels hold fiber, uint64, shape [brick_count, 8]: bit (y * 8 + z) of word x."""
+    return np.packbits(density > 0, axis=1, bitorder="little").view("<u8")
 
 
 def _check_array(name: str, array: np.ndarray, kind: type, shape: tuple[int, ...]) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -14,6 +16,15 @@ from .tiles import VoxelBox, cells_touched, clip_boxes, voxel_boxes
 
 BRICK_BYTES = BRICK_VOXELS * (4 + 12) + 12
 """Density, direction and origin of one brick."""
+
+INDEX_BYTES = 320
+"""What stays in memory of a brick whose values are on the disk: place, mask, digest, offsets, a leaf."""
+
+WORKING_BYTES = BRICK_VOXELS * (6 * 8 + 3 * 16)
+"""Of a brick while its tile is being filled: sums, and its values thrice, as made, packed and hashed."""
+
+SMALLEST_TILE = 16
+"""Voxels along the edge; smaller tiles would make every strand tens of times."""
 
 CGROUP = Path("/sys/fs/cgroup")
 
@@ -64,6 +75,44 @@ def estimate_brick_count(bounds_mm: np.ndarray, *, voxel_size_mm: float, region:
     return float(len(np.unique(keys))) * (cell / BRICK_SIZE) ** 3
 
 
+def resident_bytes() -> int:
+    """Memory that this process holds now."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+def memory_budget(memory_mb: float | None) -> int:
+    """Bytes that may still be taken: what is free, and within `memory_mb` for the whole process."""
+    available = available_memory_bytes()
+    return available if memory_mb is None else min(available, int(memory_mb * 2**20) - resident_bytes())
+
+
+def tile_bytes(tile_voxels: int) -> int:
+    """What one worker holds for a tile whose bricks are all occupied."""
+    return (tile_voxels // BRICK_SIZE) ** 3 * WORKING_BYTES
+
+
+def fit_tiles(
+    brick_count: float, *, voxel_size_mm: float, tile_voxels: int, workers: int, memory_mb: float | None
+) -> tuple[int, int]:
+    """Size of tiles and number of workers that keep a streamed voxelization of so many bricks within memory.
+
+    Fewer workers are taken before smaller tiles. Raises `InputError` where nothing fits.
+    """
+    budget = memory_budget(memory_mb)
+    room = budget - brick_count * INDEX_BYTES
+    tile = tile_voxels
+    while tile > SMALLEST_TILE and tile_bytes(tile) > room:
+        tile = max(tile // 2 // BRICK_SIZE * BRICK_SIZE, SMALLEST_TILE)
+    if tile_bytes(tile) > room:
+        held = resident_bytes()
+        needed = brick_count * INDEX_BYTES + tile_bytes(tile) + held
+        _refuse(needed, budget + held, held + tile_bytes(tile), voxel_size_mm, memory_mb)
+    return tile, int(max(1, min(workers, room // tile_bytes(tile))))
+
+
 def refuse_what_does_not_fit(
     brick_count: float, *, fixed_bytes: float, voxel_size_mm: float, memory_mb: float | None
 ) -> None:
@@ -72,11 +121,17 @@ def refuse_what_does_not_fit(
     if memory_mb is not None:
         available = min(available, int(memory_mb * 2**20))
     needed = fixed_bytes + COPIES * brick_count * BRICK_BYTES
-    if needed <= available:
-        return
+    if needed > available:
+        _refuse(needed, available, fixed_bytes, voxel_size_mm, memory_mb)
+
+
+def _refuse(
+    needed: float, available: float, fixed_bytes: float, voxel_size_mm: float, memory_mb: float | None
+) -> NoReturn:
+    """Name the voxel size at which what is not fixed would fit."""
     room = max(available - fixed_bytes, 0.05 * available)
     # a tenth more than the inverse cube says, since coarser bricks also reach farther beyond the fibers
-    coarser = 1.1 * voxel_size_mm * ((needed - fixed_bytes) / room) ** (1 / 3)
+    coarser = 1.1 * voxel_size_mm * max((needed - fixed_bytes) / room, 1.0) ** (1 / 3)
     raise InputError(
         f"voxelize: voxels of {voxel_size_mm:g} mm may need {_gibibytes(needed)} "
         f"but {_gibibytes(available)} are available; "

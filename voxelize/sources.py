@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -11,6 +12,7 @@ import warp as wp
 
 from . import kernels
 from .accumulator import DEVICE
+from .fingerprint import fingerprint
 from .kernels import MEASURE_UNITS, TileSums, accumulate_fibers, accumulate_segments
 from .tiles import TileWork, VoxelBox
 
@@ -44,6 +46,9 @@ class Source(Protocol):
     def cost(self) -> np.ndarray:
         """About how much work each item is, for the progress, shape [item_count]."""
 
+    def fingerprint(self) -> str:
+        """A hash of everything that decides the items."""
+
     def accumulate(self, tile: TileSums, work: TileWork, limits: tuple[wp.vec3d, wp.vec3d]) -> int:
         """Add the items of `work` to the tile; the length within `limits` of those visited first."""
 
@@ -57,7 +62,13 @@ class FiberSource:
         self.bounds_mm = fibers.stretch_bounds()
         self.medium = fibers.stretch_type()
         self.cost = fibers.stretch_strand_counts()
+        self._fibers = fibers
         self._tables = fibers.tables(DEVICE)
+
+    def fingerprint(self) -> str:
+        """Over all that the set holds, but for its report."""
+        names = [field.name for field in fields(self._fibers) if field.name != "report"]
+        return fingerprint((name, getattr(self._fibers, name)) for name in names)
 
     def accumulate(self, tile: TileSums, work: TileWork, limits: tuple[wp.vec3d, wp.vec3d]) -> int:
         """One thread per strand."""
@@ -81,6 +92,11 @@ class SegmentSource:
         self._segments = np.ascontiguousarray(segments, dtype=np.float32)
         self._starts = np.arange(0, len(segments), SEGMENTS_PER_BLOCK)
         self._on_device = wp.array(self._segments, dtype=wp.vec3, device=DEVICE, copy=False)
+
+    def fingerprint(self) -> str:
+        return fingerprint(
+            [("media", self.media), ("radius", self.fiber_radius_mm), ("segments", self._segments)]
+        )
 
     @cached_property
     def bounds_mm(self) -> np.ndarray:

@@ -8,9 +8,10 @@ memory on damaged files: they are read in a child process (vdb_child.py) unless 
 
 from __future__ import annotations
 
+import hashlib
 import re
 import uuid
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,9 +21,10 @@ import numpy as np
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
-from .grid import FiberGrid, FiberVolume
-from .grid_files import SCHEMA_VERSION, grid_names, refuse_other_content
+from .grid import CHANNELS, FiberGrid, FiberVolume
+from .grid_files import SCHEMA_VERSION, grid_name, refuse_other_content
 from .openvdb_library import extension
+from .stored import StoredGrid, StoredVolume
 from .vdb_child import read_in_child
 
 UNIQUE_ID_OFFSET = 21
@@ -30,15 +32,75 @@ UNIQUE_ID_OFFSET = 21
 UNIQUE_ID = re.compile(rb"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 MAGIC = b" BDV\0\0\0\0"
 
+NO_HASH = "0" * 64
+"""Stands in place of the file's hash while it is computed."""
+FILE_HASH = re.compile(rb"file_sha256\x06\0\0\0string\x40\0\0\0([0-9a-f]{64})")
+"""As OpenVDB writes the metadata of the file, which stand at its beginning."""
+GRID_KINDS: dict[str, dict[str, str]] = {
+    "density": {"grid_class": "fog volume"},
+    "direction": {"vector_type": "contravariant relative"},
+}
+"""How each channel is to be taken by other programs."""
+FILE_HASH_WITHIN = 4096
+CHUNK = 1 << 20
 
-def write_volume(path: str | Path, volume: FiberVolume) -> None:
-    """Write the volume; the file appears whole, read back and found equal, or not at all."""
+
+def write_volume(path: str | Path, volume: FiberVolume | StoredVolume) -> None:
+    """Write the volume; the file appears whole, read back and found equal, or not at all.
+
+    Of a `StoredVolume` no values are ever held but a thousand bricks'; equal content gives equal files.
+    """
     path, module = Path(path), extension()
     with atomic_write(path) as temporary:
         grids = list(_leaf_grids(module, volume))
-        module.write_grids(str(temporary), grids)
+        module.write_grids(str(temporary), grids, {"file_sha256": NO_HASH})
         _set_unique_id(temporary, volume.content_sha256)
         module.compare_grids(str(temporary), grids)
+        _set_file_hash(temporary)
+
+
+def _set_file_hash(path: Path) -> None:
+    """The file's SHA-256, taken with zeros in its place, goes into the file's own metadata."""
+    place, _ = _stored_hash(path)
+    digest = _hash_without_hash(path, place)
+    with open(path, "r+b") as file:
+        file.seek(place)
+        file.write(digest.encode("ascii"))
+
+
+def _stored_hash(path: Path) -> tuple[int, str]:
+    """Where the file's own hash stands, and the hash. `InputError` where there is none."""
+    with open(path, "rb") as file:
+        found = FILE_HASH.search(file.read(FILE_HASH_WITHIN))
+    if found is None:
+        raise InputError(
+            "carries no hash of the whole file: weft did not write it, or it was changed.", path=path
+        )
+    return found.start(1), found.group(1).decode("ascii")
+
+
+def _hash_without_hash(path: Path, place: int) -> str:
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        digest.update(file.read(place))
+        digest.update(NO_HASH.encode("ascii"))
+        file.seek(place + len(NO_HASH))
+        while chunk := file.read(CHUNK):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def refuse_changed_file(path: str | Path) -> None:
+    """Raise `InputError` unless every byte is as weft wrote it, metadata and all. OpenVDB is not asked."""
+    path = Path(path)
+    _check_is_vdb(path)
+    place, expected = _stored_hash(path)
+    if _hash_without_hash(path, place) != expected:
+        raise InputError(
+            "the file was changed: its bytes do not agree with the file_sha256 it carries.",
+            path=path,
+            hint="Make it again with 'weft voxelize'.",
+        )
 
 
 def _set_unique_id(path: Path, content_sha256: str) -> None:
@@ -65,7 +127,8 @@ def read_volume(path: str | Path, *, verify: bool = True, trusted: bool = False)
 
 
 def verify(path: str | Path) -> str:
-    """The content hash of a file, `InputError` unless it agrees with what the file holds."""
+    """The content hash of a file, `InputError` unless no byte was changed and the hash agrees."""
+    refuse_changed_file(path)
     return read_volume(path, verify=True).content_sha256
 
 
@@ -96,10 +159,11 @@ def _check_is_vdb(path: Path) -> None:
         raise InputError("this is not a .vdb file.", path=path)
 
 
-def _leaf_grids(module: ModuleType, volume: FiberVolume) -> Iterable[Any]:
+def _leaf_grids(module: ModuleType, volume: FiberVolume | StoredVolume) -> Iterable[Any]:
     """The extension's grids: voxel centers lie at h (i + 1/2)."""
     size = volume.voxel_size_mm
-    for index, (medium, grid) in enumerate(volume.grids.items()):
+    grids: Mapping[str, FiberGrid | StoredGrid] = volume.grids
+    for index, (medium, grid) in enumerate(grids.items()):
         metadata = {
             "fiber_radius_mm": grid.fiber_radius_mm,
             "units": "mm",
@@ -108,14 +172,23 @@ def _leaf_grids(module: ModuleType, volume: FiberVolume) -> Iterable[Any]:
             "medium": medium,
             "medium_index": index,
         }
-        density, direction = grid_names(volume.media, medium)
         place = {"voxel_size": size, "translation": [size / 2] * 3, "metadata": metadata}
-        yield module.LeafGrid(
-            density, grid.origins, grid.masks, grid.density, grid_class="fog volume", **place
-        )
-        yield module.LeafGrid(
-            direction, grid.origins, grid.masks, grid.direction, vector_type="contravariant relative", **place
-        )
+        for channel in grid.channels:
+            yield module.LeafGrid(
+                grid_name(volume.media, medium, channel),
+                grid.origins,
+                grid.masks,
+                _values(module, grid, channel),
+                **place,
+                **GRID_KINDS[channel],
+            )
+
+
+def _values(module: ModuleType, grid: FiberGrid | StoredGrid, channel: str) -> Any:
+    if isinstance(grid, FiberGrid):
+        return grid.channels[channel]
+    paths = [str(path) for path in grid.paths]
+    return module.StoredValues(paths, grid.files, grid.offsets[channel], components=CHANNELS[channel])
 
 
 def _to_volume(grids: list[dict[str, Any]], path: Path, *, verify: bool = True) -> FiberVolume:

@@ -1,47 +1,32 @@
-"""Fibers to a sparse volume: tile after tile, several at a time, the same bits however they are split.
+"""Fibers to a sparse volume in memory: tile after tile, the same bits however they are split.
 
 A tile takes the stretches whose boxes reach it, makes their strands inside the kernel, clips every segment
-against the voxel faces and hands out its occupied bricks. Nothing else of the fibers is ever kept.
+against the voxel faces and hands out its occupied bricks. Nothing else of the fibers is ever kept. Where the
+bricks would not fit in memory, stream.py writes them out instead.
 """
 
 from __future__ import annotations
 
 import os
-import queue
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from weft.files.errors import InputError
 
-from .accumulator import BrickBatch, TileAccumulator, accumulator_bytes
+from .accumulator import BrickBatch, accumulator_bytes
 from .config import VoxelizeConfig
+from .fill import Progress, fill_tiles
 from .grid import BRICK_VOXELS, FiberGrid, FiberVolume
-from .memory import estimate_brick_count, refuse_what_does_not_fit
+from .memory import refuse_what_does_not_fit
+from .plan import TileJob, brick_bound, checked_region, plan_tiles
 from .report import VoxelizeReport
-from .sources import FiberSource, SegmentSource, Source, load_kernels, region_limits, units_to_mm
-from .tiles import TileWork, VoxelBox, clip_boxes, snap_region, tile_work, voxel_boxes
+from .sources import FiberSource, SegmentSource, Source, units_to_mm
 
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
-
-Progress = Callable[[float, str], None]
-
-FARTHEST_VOXEL = 2**21
-"""Beyond, float32 positions resolve less than a quarter of a voxel."""
-
-
-@dataclass(frozen=True)
-class _Job:
-    """One medium's share of one tile."""
-
-    medium: int
-    work: TileWork
-    cost: int
 
 
 def run(
@@ -82,114 +67,28 @@ def voxelize_source(
     """Plan the tiles, check that the result fits, fill them, and join their bricks."""
     began = time.perf_counter()
     workers = worker_count or len(os.sched_getaffinity(0))
-    region = snap_region(config.region_mm, config.voxel_size_mm)
-    _check_source(config, source, region, workers)
-    jobs = list(_plan(config, source, region))
-    batches, generated = _fill(config, source, region, jobs, workers, progress)
+    region = checked_region(config, source)
+    refuse_what_does_not_fit(
+        brick_bound(source, config.voxel_size_mm, region),
+        fixed_bytes=workers * accumulator_bytes(config.tile_voxels),
+        voxel_size_mm=config.voxel_size_mm,
+        memory_mb=config.memory_mb,
+    )
+    plan = plan_tiles(
+        source, voxel_size_mm=config.voxel_size_mm, region=region, tile_voxels=config.tile_voxels
+    )
+    results = fill_tiles(
+        source, plan, lambda _, batch, length: (batch, length), workers=workers, progress=progress
+    )
+    batches, generated = [batch for batch, _ in results], sum(length for _, length in results)
+    del results
     grids = {
-        name: _join(batches, [i for i, job in enumerate(jobs) if job.medium == medium], config, radius)
+        name: _join(batches, [i for i, job in enumerate(plan.jobs) if job.medium == medium], config, radius)
         for medium, (name, radius) in enumerate(zip(source.media, source.fiber_radius_mm, strict=True))
     }
     volume = FiberVolume(grids)
-    report = _report(volume, jobs, units_to_mm(generated), time.perf_counter() - began)
+    report = _report(volume, plan.jobs, units_to_mm(generated), time.perf_counter() - began)
     return replace(volume, report=report)
-
-
-def _check_source(config: VoxelizeConfig, source: Source, region: VoxelBox, workers: int) -> None:
-    """Refuse what is not finite, does not fit in memory, or lies too far out for its voxels."""
-    bounds, size = source.bounds_mm, config.voxel_size_mm
-    if not np.isfinite(bounds).all():
-        raise InputError("voxelize: fiber positions are not finite numbers.", hint="Check the yarns.")
-    bricks = sum(
-        estimate_brick_count(bounds[source.medium == medium], voxel_size_mm=size, region=region)
-        for medium in range(len(source.media))
-    )
-    refuse_what_does_not_fit(
-        bricks,
-        fixed_bytes=workers * accumulator_bytes(config.tile_voxels),
-        voxel_size_mm=size,
-        memory_mb=config.memory_mb,
-    )
-    _, low, high = clip_boxes(*voxel_boxes(bounds, size), region)
-    if not len(low):
-        raise InputError(
-            f"voxelize.region_mm: no fiber lies in it; the fibers fill {_corners(bounds)} mm."
-            if config.region_mm is not None
-            else "voxelize: there are no fibers to voxelize."
-        )
-    farthest = max(-int(low.min()), int(high.max()))
-    if farthest > FARTHEST_VOXEL:
-        raise InputError(
-            f"voxelize: fibers reach {farthest} voxels from the origin; "
-            f"float32 positions allow {FARTHEST_VOXEL}. "
-            "Raise voxelize.voxel_size_mm or move the yarns to the origin."
-        )
-
-
-def _corners(bounds: np.ndarray) -> list[list[float]]:
-    return [
-        [round(float(x), 3) for x in corner]
-        for corner in (bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0))
-    ]
-
-
-def _plan(config: VoxelizeConfig, source: Source, region: VoxelBox) -> Iterator[_Job]:
-    """Jobs medium by medium, in the order of space."""
-    cost = source.cost
-    for medium in range(len(source.media)):
-        members = np.flatnonzero(source.medium == medium)
-        for work in tile_work(
-            source.bounds_mm[members],
-            voxel_size_mm=config.voxel_size_mm,
-            region=region,
-            tile=config.tile_voxels,
-        ):
-            items = members[work.items]
-            yield _Job(medium, replace(work, items=items), int(cost[items].sum()))
-
-
-def _fill(
-    config: VoxelizeConfig,
-    source: Source,
-    region: VoxelBox,
-    jobs: list[_Job],
-    workers: int,
-    progress: Progress | None,
-) -> tuple[list[BrickBatch], int]:
-    """The bricks of every job, and the fiber length generated. Warp launches release the interpreter lock."""
-    load_kernels()
-    limits = region_limits(region, config.voxel_size_mm)
-    idle: queue.SimpleQueue[TileAccumulator] = queue.SimpleQueue()
-    for _ in range(min(workers, len(jobs))):
-        idle.put(TileAccumulator(config.tile_voxels, config.voxel_size_mm))
-
-    def fill(job: _Job) -> tuple[BrickBatch, int]:
-        accumulator = idle.get()
-        length = source.accumulate(accumulator.open(job.work.origin, region), job.work, limits)
-        batch = accumulator.resolve(job.work.origin, source.fiber_radius_mm[job.medium])
-        idle.put(accumulator)
-        return batch, length
-
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        futures = [pool.submit(fill, job) for job in jobs]
-        try:
-            _follow(futures, jobs, progress)
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-    results = [future.result() for future in futures]
-    return [batch for batch, _ in results], sum(length for _, length in results)
-
-
-def _follow(futures: list[Future], jobs: list[_Job], progress: Progress | None) -> None:
-    """Wait for the jobs and report what part of the work is done; the first failure ends the wait."""
-    place = {future: i for i, future in enumerate(futures)}
-    total = sum(job.cost for job in jobs)
-    done = 0
-    for count, future in enumerate(as_completed(futures), start=1):
-        future.result()
-        done += jobs[place[future]].cost
-        if progress is not None:
-            progress(done / total, f"tile {count} of {len(jobs)}")
 
 
 def _join(
@@ -218,7 +117,7 @@ def _join(
     )
 
 
-def _report(volume: FiberVolume, jobs: list[_Job], generated_mm: float, seconds: float) -> VoxelizeReport:
+def _report(volume: FiberVolume, jobs: list[TileJob], generated_mm: float, seconds: float) -> VoxelizeReport:
     densities = [grid.density for grid in volume.grids.values() if grid.brick_count]
     return VoxelizeReport(
         generated_length_mm=generated_mm,

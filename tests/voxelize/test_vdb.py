@@ -61,7 +61,7 @@ def test_metadata_says_what_other_programs_need(make_grid, tmp_path):
         metadata = grid["metadata"]
         assert metadata["units"] == "mm"
         assert metadata["fiber_radius_mm"] == 0.008
-        assert metadata["schema_version"] == 1
+        assert metadata["schema_version"] == 2
         assert metadata["content_sha256"] == volume.content_sha256
         # voxel (i, j, k) covers [i, i + 1] h; OpenVDB's index is the voxel's center, at (i + 1/2) h
         matrix = np.reshape(grid["index_to_world"], (4, 4))
@@ -195,6 +195,22 @@ def test_flipped_bytes_are_found_or_harmless(make_grid, tmp_path):
             messages.append(str(error))
     assert len(messages) >= 8
     assert not [message for message in messages if "\n" in message]
+
+
+@needs_openvdb
+def test_any_flipped_byte_is_found(make_grid, tmp_path):
+    """Metadata, names, padding and all; 400 of them and each of the first 600, where the header lies."""
+    path = tmp_path / "a.vdb"
+    vdb.write_volume(path, FiberVolume({"yarn": make_grid(0, 1)}))
+    vdb.refuse_changed_file(path)
+    whole = path.read_bytes()
+    places = np.r_[:600, np.random.default_rng(0).integers(0, len(whole), 400)]
+    for place in places:
+        mutant = bytearray(whole)
+        mutant[place] ^= 1 << (place % 8)
+        path.write_bytes(mutant)
+        with pytest.raises(InputError):
+            vdb.refuse_changed_file(path)
 
 
 @needs_openvdb

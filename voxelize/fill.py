@@ -1,0 +1,80 @@
+"""Filling tiles, several at a time: strands are made inside the kernel, clipped and added up into bricks."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from typing import TypeVar, cast
+
+from .accumulator import BrickBatch, TileAccumulator
+from .plan import TileJob, TilePlan
+from .sources import Source, load_kernels, region_limits
+
+Progress = Callable[[float, str], None]
+Kept = TypeVar("Kept")
+
+
+def fill_tiles(
+    source: Source,
+    plan: TilePlan,
+    keep: Callable[[int, BrickBatch, int], Kept],
+    *,
+    workers: int,
+    progress: Progress | None,
+    chosen: Sequence[int] | None = None,
+) -> list[Kept]:
+    """What `keep` makes of each chosen job's (number, bricks, fiber length generated), in their order.
+
+    `keep` is called in the worker, so that bricks it does not hold on to are gone before the next tile. Warp
+    launches release the interpreter lock.
+    """
+    load_kernels()
+    limits = region_limits(plan.region, plan.voxel_size_mm)
+    numbers = range(len(plan.jobs)) if chosen is None else chosen
+    own = threading.local()
+    failed = threading.Event()
+
+    def fill(number: int) -> Kept | None:
+        if failed.is_set():
+            return None
+        try:
+            if not hasattr(own, "accumulator"):
+                own.accumulator = TileAccumulator(plan.tile_voxels, plan.voxel_size_mm)
+            job = plan.jobs[number]
+            tile = own.accumulator.open(job.work.origin, plan.region)
+            length = source.accumulate(tile, job.work, limits)
+            batch = own.accumulator.resolve(job.work.origin, source.fiber_radius_mm[job.medium])
+            return keep(number, batch, length)
+        except BaseException:
+            # the accumulator may hold half a tile now: no other may be made with it
+            failed.set()
+            raise
+
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        futures = [pool.submit(fill, number) for number in numbers]
+        try:
+            _follow(futures, [plan.jobs[number] for number in numbers], progress, len(plan.jobs))
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+    return [cast(Kept, future.result()) for future in futures]
+
+
+def _follow(futures: list[Future], jobs: list[TileJob], progress: Progress | None, all_jobs: int) -> None:
+    """Wait for the jobs and report what part of the work is done; the first failure ends the wait."""
+    place = {future: i for i, future in enumerate(futures)}
+    total = sum(job.cost for job in jobs)
+    began, done = time.monotonic(), 0
+    kept = all_jobs - len(jobs)
+    for count, future in enumerate(as_completed(futures), start=1):
+        future.result()
+        done += jobs[place[future]].cost
+        if progress is not None:
+            progress(done / total, f"tile {kept + count} of {all_jobs}{_time_left(began, done / total)}")
+
+
+def _time_left(began: float, fraction: float) -> str:
+    """Where there is more than a second of it, by the pace of the tiles alone."""
+    left = (time.monotonic() - began) * (1 - fraction) / fraction if fraction > 0 else 0.0
+    return f", {left:.0f} s of tiles left" if left >= 1 else ""

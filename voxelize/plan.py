@@ -1,0 +1,86 @@
+"""What a voxelization will do, known before it begins: its tiles in the order of space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from weft.files.errors import InputError
+
+from .config import VoxelizeConfig
+from .memory import estimate_brick_count
+from .sources import Source
+from .tiles import TileWork, VoxelBox, clip_boxes, snap_region, tile_work, voxel_boxes
+
+FARTHEST_VOXEL = 2**21
+"""Beyond, float32 positions resolve less than a quarter of a voxel."""
+
+
+@dataclass(frozen=True)
+class TileJob:
+    """One medium's share of one tile."""
+
+    medium: int
+    work: TileWork
+    cost: int
+
+
+@dataclass(frozen=True)
+class TilePlan:
+    """The work, tile by tile and medium by medium, in the order of space."""
+
+    voxel_size_mm: float
+    region: VoxelBox
+    tile_voxels: int
+    jobs: list[TileJob]
+
+
+def checked_region(config: VoxelizeConfig, source: Source) -> VoxelBox:
+    """The region in voxels. Refuses what is not finite, empty, or lies too far out for its voxels."""
+    bounds, size = source.bounds_mm, config.voxel_size_mm
+    region = snap_region(config.region_mm, size)
+    if not np.isfinite(bounds).all():
+        raise InputError("voxelize: fiber positions are not finite numbers.", hint="Check the yarns.")
+    _, low, high = clip_boxes(*voxel_boxes(bounds, size), region)
+    if not len(low):
+        raise InputError(
+            f"voxelize.region_mm: no fiber lies in it; the fibers fill {_corners(bounds)} mm."
+            if config.region_mm is not None
+            else "voxelize: there are no fibers to voxelize."
+        )
+    farthest = max(-int(low.min()), int(high.max()))
+    if farthest > FARTHEST_VOXEL:
+        raise InputError(
+            f"voxelize: fibers reach {farthest} voxels from the origin; "
+            f"float32 positions allow {FARTHEST_VOXEL}. "
+            "Raise voxelize.voxel_size_mm or move the yarns to the origin."
+        )
+    return region
+
+
+def _corners(bounds: np.ndarray) -> list[list[float]]:
+    return [
+        [round(float(x), 3) for x in corner]
+        for corner in (bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0))
+    ]
+
+
+def brick_bound(source: Source, voxel_size_mm: float, region: VoxelBox) -> float:
+    """No more bricks than this can be occupied, all media together."""
+    bounds, medium = source.bounds_mm, source.medium
+    return sum(
+        estimate_brick_count(bounds[medium == index], voxel_size_mm=voxel_size_mm, region=region)
+        for index in range(len(source.media))
+    )
+
+
+def plan_tiles(source: Source, *, voxel_size_mm: float, region: VoxelBox, tile_voxels: int) -> TilePlan:
+    """Every tile that a stretch of a medium may touch."""
+    cost, bounds, jobs = source.cost, source.bounds_mm, []
+    for medium in range(len(source.media)):
+        members = np.flatnonzero(source.medium == medium)
+        for work in tile_work(bounds[members], voxel_size_mm=voxel_size_mm, region=region, tile=tile_voxels):
+            items = members[work.items]
+            jobs.append(TileJob(medium, replace(work, items=items), int(cost[items].sum())))
+    return TilePlan(voxel_size_mm, region, tile_voxels, jobs)

@@ -1,0 +1,171 @@
+"""Fibers to files whatever their size: tiles are written out as they are done, and joined on the disk.
+
+Beside the result stands a folder `<result>.parts` with the finished tiles. A run that was killed, or ran out
+of disk, finds them there and makes only the others; when the result is written the folder goes.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import vdb
+from .accumulator import BrickBatch
+from .config import VoxelizeConfig
+from .fill import Progress, fill_tiles
+from .fingerprint import code_fingerprint, fingerprint
+from .memory import fit_tiles, refuse_what_does_not_fit
+from .parts import PartFolder, TilePart
+from .plan import TilePlan, brick_bound, checked_region, plan_tiles
+from .report import VoxelizeReport
+from .sources import FiberSource, Source, units_to_mm
+from .stored import StoredVolume, join_parts, load_parts
+
+if TYPE_CHECKING:
+    from weft.fiber_model.fibers import FiberSet
+
+TILES_SHARE = 0.8
+"""Part of the progress that goes to the tiles; the rest to writing the files."""
+
+
+@dataclass(frozen=True)
+class VolumeOnDisk:
+    """What was written, without its voxels."""
+
+    content_sha256: str
+    media: tuple[str, ...]
+    brick_count: int
+    bounds_mm: np.ndarray
+    report: VoxelizeReport
+
+
+def voxelize_to_files(
+    config: VoxelizeConfig,
+    fibers: FiberSet,
+    paths: Sequence[Path],
+    *,
+    progress: Progress | None = None,
+    worker_count: int | None = None,
+) -> VolumeOnDisk:
+    """Voxelize all fibers into .vdb and .nvdb files, with resident memory bounded by `config.memory_mb`.
+
+    The .vdb file has the same bytes however often the run was killed, and for any number of workers and any
+    memory. A .nvdb file is laid out in memory as a whole. Raises `InputError`, and `DiskSpaceError` where the
+    disk is full; the files then stay as they were.
+    """
+    return stream_source(config, FiberSource(fibers), paths, progress=progress, worker_count=worker_count)
+
+
+def stream_source(
+    config: VoxelizeConfig,
+    source: Source,
+    paths: Sequence[Path],
+    *,
+    progress: Progress | None = None,
+    worker_count: int | None = None,
+) -> VolumeOnDisk:
+    """`voxelize_to_files` for any source."""
+    began = time.perf_counter()
+    size, region = config.voxel_size_mm, checked_region(config, source)
+    bricks = brick_bound(source, size, region)
+    if any(path.suffix == ".nvdb" for path in paths):
+        refuse_what_does_not_fit(bricks, fixed_bytes=0, voxel_size_mm=size, memory_mb=config.memory_mb)
+    tile_voxels, workers = fit_tiles(
+        bricks,
+        voxel_size_mm=size,
+        tile_voxels=config.tile_voxels,
+        workers=worker_count or len(os.sched_getaffinity(0)),
+        memory_mb=config.memory_mb,
+    )
+    plan = plan_tiles(source, voxel_size_mm=size, region=region, tile_voxels=tile_voxels)
+    folder = PartFolder(parts_folder(paths[0]), _key(config, source, tile_voxels))
+    parts = _finish_tiles(source, plan, folder, workers, _share(progress, 0.0, TILES_SHARE))
+    volume = _join(source, plan, folder, parts)
+    for i, path in enumerate(paths):
+        if progress is not None:
+            progress(TILES_SHARE + (1 - TILES_SHARE) * i / len(paths), f"writing {path.name}")
+        _write(path, folder, volume, parts)
+    folder.remove()
+    if progress is not None:
+        progress(1.0, "written")
+    report = _report(source, plan, parts, time.perf_counter() - began)
+    return VolumeOnDisk(volume.content_sha256, volume.media, volume.brick_count, volume.bounds_mm, report)
+
+
+def parts_folder(path: Path) -> Path:
+    """Where the finished tiles of a result lie until it is written."""
+    return path.with_name(path.name + ".parts")
+
+
+def _key(config: VoxelizeConfig, source: Source, tile_voxels: int) -> str:
+    """Of all that decides a tile; memory, formats and workers do not."""
+    settings = config.model_copy(update={"memory_mb": None, "formats": ("vdb",), "tile_voxels": tile_voxels})
+    return fingerprint([("config", settings), ("source", source.fingerprint()), ("code", code_fingerprint())])
+
+
+def _finish_tiles(
+    source: Source, plan: TilePlan, folder: PartFolder, workers: int, progress: Progress | None
+) -> list[TilePart]:
+    """Every tile's part, those that were there and those made now, in the order of the plan."""
+    there = folder.open()
+
+    def keep(number: int, batch: BrickBatch, length: int) -> TilePart:
+        return folder.write(number, plan.jobs[number].medium, batch, length)
+
+    missing = [number for number in range(len(plan.jobs)) if number not in there]
+    made = fill_tiles(source, plan, keep, workers=workers, progress=progress, chosen=missing)
+    parts = there | {part.number: part for part in made}
+    return [parts[number] for number in range(len(plan.jobs))]
+
+
+def _join(source: Source, plan: TilePlan, folder: PartFolder, parts: list[TilePart]) -> StoredVolume:
+    return StoredVolume(
+        {
+            name: join_parts(
+                folder,
+                [part for part in parts if part.medium == medium],
+                voxel_size_mm=plan.voxel_size_mm,
+                fiber_radius_mm=radius,
+                channels=tuple(parts[0].channels),
+            )
+            for medium, (name, radius) in enumerate(zip(source.media, source.fiber_radius_mm, strict=True))
+        }
+    )
+
+
+def _write(path: Path, folder: PartFolder, volume: StoredVolume, parts: list[TilePart]) -> None:
+    if path.suffix != ".nvdb":
+        vdb.write_volume(path, volume)
+        return
+    from .nanovdb import write_volume
+
+    write_volume(path, load_parts(folder, volume, parts))
+
+
+def _share(progress: Progress | None, start: float, end: float) -> Progress | None:
+    if progress is None:
+        return None
+    return lambda fraction, detail: progress(start + (end - start) * fraction, detail)
+
+
+def _report(source: Source, plan: TilePlan, parts: list[TilePart], seconds: float) -> VoxelizeReport:
+    radius = np.array(source.fiber_radius_mm)[[part.medium for part in parts]]
+    fiber_volume = np.array([part.density_sum for part in parts]) * plan.voxel_size_mm**3
+    return VoxelizeReport(
+        generated_length_mm=units_to_mm(sum(part.generated_units for part in parts)),
+        grid_length_mm=float((fiber_volume / (np.pi * radius**2)).sum()),
+        item_count=sum(int(job.work.first_visit.sum()) for job in plan.jobs),
+        visit_count=sum(len(job.work.items) for job in plan.jobs),
+        tile_count=len(plan.jobs),
+        brick_count=sum(part.brick_count for part in parts),
+        voxel_count=sum(part.voxel_count for part in parts),
+        max_volume_fraction=max((part.max_density for part in parts), default=0.0),
+        overfull_voxel_count=sum(part.overfull_voxel_count for part in parts),
+        seconds=seconds,
+    )
