@@ -17,7 +17,7 @@ from weft.files.measured.merl import (
     write_merl,
 )
 
-from .measurements import Array, Measurements
+from .measurements import Measurements
 from .surface_directions import angles, vectors
 
 NOT_MEASURED = -1.0
@@ -47,7 +47,7 @@ def read_merl_measurements(path: Path) -> Measurements:
 def write_merl_measurements(measurements: Measurements, path: Path) -> None:
     """Each row goes to the cell its directions fall in; two in one cell are refused, the rest not measured.
 
-    What came from a .binary file has the same values when it is read back, bit for bit.
+    Values that came from a .binary file are the same when they are read back, bit for bit; others to rounding.
     """
     if measurements.quantity != "brdf" or measurements.values.shape[1] != 3:
         raise InputError("a MERL table holds a 'brdf' in three channels", path=path)
@@ -56,18 +56,10 @@ def write_merl_measurements(measurements: Measurements, path: Path) -> None:
     cells = np.ravel_multi_index(cell_of(light, detector), CELLS)
     if len(np.unique(cells)) < len(cells):
         raise InputError("two directions fall in one cell of a MERL table", path=path)
-    stored = _stored(measurements.values)
+    stored = measurements.values / SCALE
     if measurements.usable is not None:
         left_out = ~measurements.usable & (measurements.values >= 0).all(axis=1)
         stored[left_out] = NOT_MEASURED
     planes = np.full((3, CELLS[0] * CELLS[1] * CELLS[2]), NOT_MEASURED)
     planes[:, cells] = stored.T
     write_merl(MerlTable(planes.reshape(3, *CELLS)), path)
-
-
-def _stored(values: Array) -> Array:
-    """Numbers that give `values` when multiplied by the scale: the quotient or a neighbor of it."""
-    quotient = values / SCALE
-    for neighbor in (np.nextafter(quotient, np.inf), np.nextafter(quotient, -np.inf)):
-        quotient = np.where((quotient * SCALE != values) & (neighbor * SCALE == values), neighbor, quotient)
-    return quotient

@@ -1,5 +1,8 @@
 """Measurement files: what is written comes back bit for bit; mistakes are refused with line and column."""
 
+import io
+import tracemalloc
+import zipfile
 from dataclasses import fields, replace
 
 import numpy as np
@@ -169,6 +172,29 @@ def test_files_that_are_not_there_or_of_another_kind_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"cannot be written to '\.exr'"):
         save_measurements(some_measurements(), tmp_path / "m.exr")
     assert not list(tmp_path.iterdir())
+
+
+def test_an_archive_that_claims_more_than_it_can_hold_is_refused_before_allocation(tmp_path):
+    """A header of 8 TB, and a directory that says the bytes are there."""
+    save_measurements(some_measurements(), tmp_path / "m.npz")
+    with zipfile.ZipFile(tmp_path / "m.npz") as whole:
+        members = {name: whole.read(name) for name in whole.namelist()}
+    header = {"descr": "<f8", "fortran_order": False, "shape": (2**40,)}
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(buffer, header)
+    members["theta_i.npy"] = buffer.getvalue()
+    with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+        archive.getinfo("theta_i.npy").file_size = 2**44
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="is it damaged") as caught:
+            load_measurements(tmp_path / "bomb.npz")
+        assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    finally:
+        tracemalloc.stop()
+    assert "implausible size" in str(caught.value.__cause__)
 
 
 def test_channels_without_a_name_for_a_column_are_refused(tmp_path):

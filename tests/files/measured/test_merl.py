@@ -58,6 +58,13 @@ def test_numbers_lie_where_the_format_has_them(tmp_path, table):
         assert struct.unpack_from("<d", data, at)[0] == table.planes[plane, h, d, phi]
 
 
+def test_stored_numbers_have_the_scales_of_the_database(table):
+    up = np.array([[0.0, 0.0, 1.0]])
+    ones = MerlTable(np.full_like(table.planes, 1500.0))
+    assert np.allclose(ones.evaluate(up, up), [[1.0, 1.15, 1.66]])
+    assert np.allclose(ones.brdf()[40, 50, 60], [1.0, 1.15, 1.66])
+
+
 def turned(vectors, azimuth):
     x, y, z = vectors.T
     c, s = np.cos(azimuth), np.sin(azimuth)
