@@ -47,7 +47,7 @@ def read_merl_measurements(path: Path) -> Measurements:
 def write_merl_measurements(measurements: Measurements, path: Path) -> None:
     """Each row goes to the cell its directions fall in; two in one cell are refused, the rest not measured.
 
-    Values that came from a .binary file are the same when they are read back, bit for bit; others to rounding.
+    Values that came from a .binary file are read back bit for bit, others to rounding.
     """
     if measurements.quantity != "brdf" or measurements.values.shape[1] != 3:
         raise InputError("a MERL table holds a 'brdf' in three channels", path=path)

@@ -27,6 +27,15 @@ def refuse_other_size(path: Path, needed: int, what: str) -> None:
         raise InputError(f"{what} has {needed} bytes, this file {found}", path=path, hint=hint)
 
 
+def read_bytes(path: Path, count: int = -1) -> bytes:
+    """The first `count` bytes, or all; fewer where the file is shorter."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(count)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", path=path) from None
+
+
 def read_doubles(path: Path, count: int, *, start: int = 0) -> np.ndarray:
     """`count` little-endian float64 from byte `start`, all of them finite. Shape [count]."""
     try:

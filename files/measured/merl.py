@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
-from .binary_file import read_doubles, refuse_other_size
+from .binary_file import read_bytes, read_doubles, refuse_other_size
 
 Array = NDArray[np.float64]
 
@@ -61,8 +61,7 @@ def read_merl(path: str | Path) -> MerlTable:
     """Read a .binary file. Raises `InputError` for another size, another resolution, numbers not finite."""
     path = Path(path)
     refuse_other_size(path, FILE_BYTES, "a MERL .binary file")
-    with open(path, "rb") as file:
-        cells = struct.unpack("<3i", file.read(HEADER_BYTES))
+    cells = struct.unpack("<3i", read_bytes(path, HEADER_BYTES))
     if cells != CELLS:
         what = f"a table of {' x '.join(map(str, cells))} cells; MERL's have 90 x 90 x 180"
         raise InputError(what, path=path, place="byte 0")

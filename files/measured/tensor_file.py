@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
-from .binary_file import file_size
+from .binary_file import file_size, read_bytes
 
 MAGIC = b"tensor_file\0"
 TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f2", "f4", "f8")
@@ -51,7 +51,7 @@ def read_tensor_file(path: str | Path) -> dict[str, NDArray]:
     path = Path(path)
     if file_size(path) > MAX_FILE_BYTES:
         raise InputError("over 4 GiB; not a file of measurements", path=path)
-    cursor = _Cursor(path.read_bytes(), path)
+    cursor = _Cursor(read_bytes(path), path)
     if cursor.data[: len(MAGIC)] != MAGIC:
         what = "not a tensor file: it does not begin with 'tensor_file'"
         raise InputError(what, path=path, place="byte 0")

@@ -11,7 +11,7 @@ import pytest
 from tests.fitting.damage import read_damaged
 from weft.files.errors import InputError
 from weft.fitting.measurement_csv import degrees_text, radians_from
-from weft.fitting.measurement_file import load_measurements, save_measurements
+from weft.fitting.measurement_file import READERS, load_measurements, save_measurements
 from weft.fitting.measurements import Measurements
 
 
@@ -172,6 +172,16 @@ def test_files_that_are_not_there_or_of_another_kind_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"cannot be written to '\.exr'"):
         save_measurements(some_measurements(), tmp_path / "m.exr")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", sorted(READERS))
+def test_a_missing_file_and_a_folder_are_refused_in_every_format(tmp_path, suffix):
+    (tmp_path / f"folder{suffix}").mkdir()
+    for name in (f"missing{suffix}", f"folder{suffix}"):
+        with pytest.raises(InputError) as caught:
+            load_measurements(tmp_path / name)
+        assert str(caught.value).startswith(f"{tmp_path / name}: ")
+        assert "\n" not in str(caught.value)
 
 
 def test_an_archive_that_claims_more_than_it_can_hold_is_refused_before_allocation(tmp_path):
