@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from weft.files.errors import InputError
 from weft.files.measured.rgl import read_rgl
 
 from .measurements import Measurements
@@ -19,6 +20,8 @@ def read_rgl_measurements(path: Path) -> Measurements:
     """
     brdf = read_rgl(path)
     light, detector, values = brdf.measured()
+    if not len(light):
+        raise InputError("no direction of this file lies above the surface", path=path)
     (theta_i, phi_i), (theta_o, phi_o) = angles(light), angles(detector)
     description = brdf.fields.get("description", np.zeros(0, dtype=np.uint8))
     words = description.tobytes()[:1000].decode("utf-8", "replace").strip("\0 \n")
