@@ -270,3 +270,14 @@ def test_rough_fibers_are_reciprocal_in_narrow_bins(cross_section: str, roughnes
     )
     z = _reciprocity(config)
     assert stats.chi2.sf((z**2).sum(), z.size) > CERTAIN
+
+
+def test_light_that_meets_the_fiber_again_is_no_r() -> None:
+    """An opaque fiber reflects only: once is R, again in its dent is the rest; a convex one has no rest."""
+    opaque: dict[str, Any] = {"absorption_per_mm": 1e5, "theta_i_deg": (70.0,)}
+    dented, convex = (run(fiber(name, **opaque)).energies()[0, :, 0] for name in ("notched", "triangle"))
+    assert dented[0] > 0.1
+    assert dented[3] > 0.03
+    assert convex[0] > 0.2
+    assert not dented[1:3].any()
+    assert not convex[1:].any()
