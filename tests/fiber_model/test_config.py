@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from weft.fiber_model.config import FibersConfig
+from weft.fiber_model.config import FibersConfig, VariationConfig
 
 PRESETS = ["cotton1", "cotton2", "polyester1", "rayon1", "rayon2", "rayon3", "rayon4", "silk1", "silk2"]
 UNIT = 5.1  # mm per unit of the fitted files, inferred
@@ -105,6 +105,41 @@ def test_a_yarn_type_changes_only_its_own_values(fiber_config) -> None:
     assert config.for_type("warp") is config
     changed = {k: v for k, v in config.for_type("weft") if v != getattr(config, k)}
     assert changed == {"plies": 2, "fiber_count_scale": 3.0}
+
+
+def test_a_yarn_type_has_its_own_variation_and_hairs(fiber_config) -> None:
+    """A table given for a type replaces the whole table of the others."""
+    config = fiber_config(
+        "linen1",
+        by_type={
+            "weft": {"variation": {"slubs_per_m": 9.0}},
+            "warp": {"walk_hairs": {"density_per_mm": 1, "length_mm": 2, "persistence_mm": 3}},
+        },
+    )
+    assert config.variation.thickness_sd == 0.11
+    assert config.for_type("weft").variation == VariationConfig(slubs_per_m=9.0)
+    assert config.for_type("warp").variation == config.variation
+    assert config.for_type("warp").walk_hairs.length_mm == 2
+    assert config.walk_hairs is None
+
+
+def test_refuses_impossible_variation_and_hairs(fiber_config) -> None:
+    walk, droop = (
+        {"density_per_mm": 1.0, "length_mm": 1.0, key: 1.0} for key in ("persistence_mm", "bend_mm")
+    )
+    fiber_config("cotton1", walk_hairs=walk, droop_hairs=droop)
+    for values in (
+        {"cords": 0},
+        {"cord_pitch_mm": 1e-9},
+        {"variation": {"slub_thickness": 0.5}},
+        {"variation": {"thickness_sd": 0.9}},
+        {"variation": {"slub_length_mm": 0.0}},
+        {"walk_hairs": {**walk, "density_per_mm": 0.0}},
+        {"walk_hairs": {**walk, "bend_mm": 1.0}},
+        {"droop_hairs": {**droop, "down": (0.0, 0.0, 0.0)}},
+    ):
+        with pytest.raises(ValidationError):
+            fiber_config("cotton1", **values)
 
 
 def test_errors_name_the_key_of_the_yarn_type(fiber_config) -> None:
