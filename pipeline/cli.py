@@ -242,61 +242,76 @@ def inspect(
         print(line)
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LookOptions:
+    """What a preview shows, and from where."""
+
+    part: Literal["yarns", "fibers", "grid"] | None = None
+    """What to show of a job: its yarns (default), a part of its fibers, or the grid that it made."""
+    slice: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    """Plane through a grid, in mm, as in --slice z=0.5. May be given several times."""
+    surface: float | None = None
+    """Show the grid's surface at this volume fraction."""
+    box: str | None = None
+    """Only what lies in x0,y0,z0,x1,y1,z1, in mm."""
+    view: Literal["front", "top", "side", "iso"] | None = None
+    """Where to look from. Default: the front; onto a single slice."""
+    size: str | None = None
+    """Pixels, as in 1280x960."""
+    exposure: float = 0.0
+    """Stops by which an .exr picture is brightened."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class UnitOptions:
+    """What a file of curves or triangles does not say of itself."""
+
+    scale_to_mm: float | None = None
+    """Length of one unit of the file, in mm. Needed where the file does not name its unit."""
+    radius_mm: float | None = None
+    """Yarn radius. Needed where the file holds none; else in place of it."""
+    up_axis: Literal["y", "z"] | None = None
+    """Axis that points up where the file does not say. Default: y."""
+    frame: int | None = None
+    """Time code to show of a .usd file with several."""
+
+
+NO_LOOK_OPTIONS = LookOptions()
+NO_UNIT_OPTIONS = UnitOptions()
+
+
 @app.command
 def preview(
     files: list[Path],
     /,
     *,
     out: Path | None = None,
-    part: Literal["yarns", "fibers", "grid"] | None = None,
-    slice: Annotated[tuple[str, ...], Parameter(negative=())] = (),
-    surface: float | None = None,
-    box: str | None = None,
-    view: Literal["front", "top", "side", "iso"] | None = None,
-    size: str | None = None,
-    exposure: float = 0.0,
-    scale_to_mm: float | None = None,
-    radius_mm: float | None = None,
+    look: LookOptions = NO_LOOK_OPTIONS,
+    units: UnitOptions = NO_UNIT_OPTIONS,
     options: JobOptions = NO_JOB_OPTIONS,
 ) -> None:
-    """Show yarns, fibers, grids and pictures in a window, or as a PNG where there is no display.
+    """Show yarns, fibers, garments, grids and pictures in a window, or as a PNG where there is no display.
 
     Parameters
     ----------
     files
-        One file, or up to six side by side: .npz .bcc .pyp .obj .ply .vdb .nvdb .exr, or a job (.toml).
+        One file, or up to six side by side: .npz .bcc .bccx .hair .mitshair .obj .poly .pyp .usd .yarns .ply
+        .glb .gltf .vdb .nvdb .exr, or a job (.toml).
     out
         The PNG to write in place of opening a window.
-    part
-        What to show of a job: its yarns (default), a part of its fibers, or the grid that it made.
-    slice
-        Plane through a grid, in mm, as in --slice z=0.5. May be given several times.
-    surface
-        Show the grid's surface at this volume fraction.
-    box
-        Only what lies in x0,y0,z0,x1,y1,z1, in mm.
-    view
-        Where to look from. Default: the front; onto a single slice.
-    size
-        Pixels, as in 1280x960.
-    exposure
-        Stops by which an .exr picture is brightened.
-    scale_to_mm
-        Length of one unit of a .bcc, .obj, .ply or .pyp file, in mm.
-    radius_mm
-        Yarn radius of a .bcc or .obj file, which hold none.
     """
-    from .preview.options import PreviewOptions, parse_box, parse_slice
+    from .preview.options import preview_options
     from .preview.preview import preview as show
 
-    planes = tuple(parse_slice(text) for text in slice)
-    asked = PreviewOptions(part, planes, surface, parse_box(box), scale_to_mm, radius_mm, exposure)
+    asked = preview_options(look, units)
     for line in show(
         files,
         asked,
         out=out,
-        size=size,
-        view=view,
+        size=look.size,
+        view=look.view,
         overrides=options.overrides,
         output=options.output,
     ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -60,14 +61,50 @@ def _npz(path: Path, options: PreviewOptions) -> Scene:
     return fiber_scene(path.name, read_curves(path), box=options.box_mm)
 
 
-def _bcc(path: Path, options: PreviewOptions) -> Scene:
-    from weft.fiber_model.yarns.formats.bcc import read_bcc
+def _yarn_file(path: Path, options: PreviewOptions) -> Scene:
+    """Yarns from a file of any kind that `weft yarns` reads; what the file does not hold must be given."""
+    from weft.fiber_model.yarns.config import NOT_IN_FILE, FileYarnsConfig
+    from weft.fiber_model.yarns.formats.read_file import read_yarns
 
     from .yarn_scene import yarn_scene
 
-    scale, radius = _unit(path, options), _radius(path, options)
-    yarns = read_bcc(path, scale_to_mm=scale, radius_mm=radius)
+    missing = NOT_IN_FILE[path.suffix.lower()]
+    config = FileYarnsConfig(
+        kind="file",
+        file=path,
+        frame=options.frame,
+        scale_to_mm=_unit(path, options) if "scale_to_mm" in missing else options.scale_to_mm,
+        radius_mm=_radius(path, options) if "radius_mm" in missing else options.radius_mm,
+        up_axis=options.up_axis or "y",
+    )
+    try:
+        yarns = read_yarns(config)
+    except InputError as error:
+        raise _about_options(error) from error
     return yarn_scene(path.name, yarns, box=options.box_mm)
+
+
+def _usd(path: Path, options: PreviewOptions) -> Scene:
+    """Curves are yarns; a stage without any is a garment."""
+    from weft.fiber_model.yarns.formats.usd_stage import NO_CURVES
+
+    try:
+        return _yarn_file(path, options)
+    except InputError as error:
+        if error.what != NO_CURVES:
+            raise
+    return _mesh(path, options)
+
+
+def _about_options(error: InputError) -> InputError:
+    """The same message, which names keys of a job, about the options of this command."""
+    what, hint = (
+        re.sub(
+            r"'?(scale_to_mm|radius_mm|up_axis)'?", lambda key: "--" + key[1].replace("_", "-"), text or ""
+        )
+        for text in (error.what, error.hint)
+    )
+    return InputError(what, path=error.path, place=error.place, hint=hint)
 
 
 def _pyp(path: Path, options: PreviewOptions) -> Scene:
@@ -80,22 +117,21 @@ def _pyp(path: Path, options: PreviewOptions) -> Scene:
 
 
 def _obj(path: Path, options: PreviewOptions) -> Scene:
-    """Polylines are yarns; a file with faces and no polylines is a mesh."""
-    from weft.fiber_model.yarns.formats.obj_lines import read_obj_lines
-
-    from .yarn_scene import yarn_scene
-
-    if _has_faces_only(path):
-        return _mesh(path, options)
-    scale, radius = _unit(path, options), _radius(path, options)
-    yarns = read_obj_lines(path, scale_to_mm=scale, radius_mm=radius)
-    return yarn_scene(path.name, yarns, box=options.box_mm)
+    """Polylines are yarns; a file with faces and no polylines is a garment."""
+    return _mesh(path, options) if _has_faces_only(path) else _yarn_file(path, options)
 
 
 def _mesh(path: Path, options: PreviewOptions) -> Scene:
+    from weft.fiber_model.yarns.garments.mesh_files import read_mesh
+
     from .picture_scene import mesh_scene
 
-    return mesh_scene(path, scale_to_mm=_unit(path, options))
+    scale = _unit(path, options) if path.suffix.lower() in (".obj", ".ply") else options.scale_to_mm
+    try:
+        mesh = read_mesh(path, scale_to_mm=scale, up_axis=2 if options.up_axis == "z" else 1)
+    except InputError as error:
+        raise _about_options(error) from error
+    return mesh_scene(path.name, mesh)
 
 
 def _grid(path: Path, options: PreviewOptions) -> Scene:
@@ -200,10 +236,11 @@ JOB_PARTS: dict[str, Callable[[Job, PreviewOptions], Scene]] = {
 }
 OPENERS: dict[str, Callable[[Path, PreviewOptions], Scene]] = {
     ".npz": _npz,
-    ".bcc": _bcc,
+    **dict.fromkeys((".bcc", ".bccx", ".hair", ".mitshair", ".poly", ".yarns"), _yarn_file),
     ".pyp": _pyp,
     ".obj": _obj,
-    ".ply": _mesh,
+    **dict.fromkeys((".ply", ".glb", ".gltf"), _mesh),
+    **dict.fromkeys((".usd", ".usda", ".usdc"), _usd),
     ".vdb": _grid,
     ".nvdb": _grid,
     ".exr": _exr,

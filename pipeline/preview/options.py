@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from weft.files.errors import InputError
 
+if TYPE_CHECKING:
+    from weft.pipeline.cli import LookOptions, UnitOptions
+
 Part = Literal["yarns", "fibers", "grid"]
 MAX_SIDE = 4096
+MOST_MM = 1e7
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
 
 
@@ -35,8 +39,31 @@ class PreviewOptions:
     """Lower and upper corner, shape [2, 3]."""
     scale_to_mm: float | None = None
     radius_mm: float | None = None
+    up_axis: Literal["y", "z"] | None = None
+    """Axis that points up in a file that does not say; y where not given."""
+    frame: int | None = None
+    """Time code of a .usd file."""
     exposure: float = 0.0
     """Stops by which a picture is brightened."""
+
+    def __post_init__(self) -> None:
+        for option, value in (("--scale-to-mm", self.scale_to_mm), ("--radius-mm", self.radius_mm)):
+            if value is not None and not 0 < value <= MOST_MM:
+                raise InputError(
+                    f"{option}: {value:g} is no length; need a number above 0, up to {MOST_MM:g}"
+                )
+
+
+def preview_options(look: LookOptions, units: UnitOptions) -> PreviewOptions:
+    """From the command line's words."""
+    return PreviewOptions(
+        part=look.part,
+        slices=tuple(parse_slice(text) for text in look.slice),
+        surface=look.surface,
+        box_mm=parse_box(look.box),
+        exposure=look.exposure,
+        **vars(units),
+    )
 
 
 def parse_slice(text: str) -> SlicePlane:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from weft.files.errors import InputError
-
 from .part import bounds_of
 from .scene import Picture, Scene, Triangles, count_text, size_text
+
+if TYPE_CHECKING:
+    from weft.fiber_model.yarns.garments.surface_mesh import SurfaceMesh
 
 
 def picture_scene(path: Path, *, exposure: float = 0.0) -> Scene:
@@ -30,18 +32,9 @@ def picture_scene(path: Path, *, exposure: float = 0.0) -> Scene:
     )
 
 
-def mesh_scene(path: Path, *, scale_to_mm: float) -> Scene:
-    """The triangles of an .obj or .ply file."""
-    import trimesh
-
-    try:
-        mesh = trimesh.load(path, force="mesh", process=False)
-        points = np.asarray(mesh.vertices, np.float64).reshape(-1, 3) * scale_to_mm
-        faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
-    except Exception as error:  # damaged meshes make trimesh raise nearly anything
-        raise InputError(f"cannot be read as a mesh: {error}", path=path) from error
-    if not len(faces) or not np.isfinite(points).all():
-        raise InputError("holds no triangles, or vertices that are not finite", path=path)
-    bounds = bounds_of(points)
-    summary = f"mesh of {len(faces):,} triangles, {len(points):,} vertices, {size_text(bounds)}"
-    return Scene("mesh", f"{path.name}: {summary}", (Triangles(points, faces),), bounds)
+def mesh_scene(name: str, mesh: SurfaceMesh) -> Scene:
+    """The triangles of a garment."""
+    bounds = bounds_of(mesh.vertices)
+    summary = f"mesh of {mesh.face_count:,} triangles, {len(mesh.vertices):,} vertices, {size_text(bounds)}"
+    with_uv = "with (u, v)" if mesh.uv is not None else "without (u, v)"
+    return Scene("mesh", f"{name}: {summary}, {with_uv}", (Triangles(mesh.vertices, mesh.faces),), bounds)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 import time
 import tomllib
 from collections.abc import Callable
@@ -82,4 +85,18 @@ def test_points_summed_to_lengths(pytestconfig: pytest.Config) -> None:
     print(
         f"\ncotton2, summed to lengths: one thread {millions / np.median(one):.0f} M/s, "
         f"{cpu_threads()} threads {millions / np.median(both):.0f} M/s"
+    )
+
+
+def test_a_sweater_before_the_first_voxel(pytestconfig: pytest.Config) -> None:
+    """600 m of stockinette of radius 1 mm: from yarns in memory to tables and the box of every stretch."""
+    root = pytestconfig.rootpath
+    preset = root / "configs" / "presets" / "fibers" / "cotton2.toml"
+    command = [sys.executable, str(root / "tests" / "benchmarks" / "sweater.py"), str(preset), "903"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    found = json.loads(done.stdout.splitlines()[-1])
+    print(
+        f"\n{found['meters']:.0f} m of yarn, {found['nodes'] / 1e6:.1f} M nodes, {found['hairs'] / 1e6:.1f} "
+        f"M hairs: {found['seconds']:.1f} s ({found['run_s']:.1f} s of them `run`), {found['cpu_seconds']:.1f} "
+        f"CPU s; {found['peak_mb']:.0f} MB resident at most, {found['loaded_mb']:.0f} MB before"
     )

@@ -25,6 +25,8 @@ RAGGED_FIELDS = {"counts": 1, "points": 3, "widths": 1, "yarn": 1, "twist": 1, "
 OTHER_CURVES = ("NurbsCurves", "HermiteCurves")
 PURPOSES = ("default", "render")
 
+NO_CURVES = "no visible BasisCurves in this file"
+
 Prim = dict[str, Any]
 """Fields of one BasisCurves prim, by name."""
 
@@ -102,7 +104,7 @@ def _curve_prims(stage: Any) -> list[Any]:
             if image.ComputePurpose() in PURPOSES and image.ComputeVisibility() != "invisible":
                 prims.append(prim)
     if not prims:
-        raise InputError("no visible BasisCurves in this file")
+        raise InputError(NO_CURVES)
     return prims
 
 
