@@ -277,7 +277,7 @@ def test_light_that_meets_the_fiber_again_is_no_r() -> None:
     opaque: dict[str, Any] = {"absorption_per_mm": 1e5, "theta_i_deg": (70.0,)}
     dented, convex = (run(fiber(name, **opaque)).energies()[0, :, 0] for name in ("notched", "triangle"))
     assert dented[0] > 0.1
-    assert dented[3] > 0.03
+    assert dented[3] > 0.005
     assert convex[0] > 0.2
     assert not dented[1:3].any()
     assert not convex[1:].any()
