@@ -183,7 +183,7 @@ def build_yarns(
     detailed = any(plan.varies or plan.config.cords > 1 for plan in plans)
     first_fiber = np.cumsum([0] + [p.ply_count * int(n) for p, n in zip(plans, seats_per_ply, strict=True)])
     for yarn, plan in enumerate(plans):
-        flyaways, config, free = plan.flyaways, plan.config, plan.free_hairs
+        flyaways, config = plan.flyaways, plan.config
         length = plan.step * plan.intervals
         values = {
             "first_node": offsets[yarn],
@@ -216,14 +216,17 @@ def build_yarns(
             "hair_root_limit": flyaways.hair_root_limit,
             "perturbation": config.perturbation,
             "perturbation_cells": max(round(length / config.perturbation_length_mm), 1),
-            "walk_length": free.walk_length,
-            "persistence": free.persistence,
-            "droop_length": free.droop_length,
-            "droop_bend": free.bend,
-            "down": free.down,
         }
         for name, value in values.items():
             records[name][yarn] = value
+    return records
+
+
+def yarn_free_hairs(plans: list[YarnPlan], dtype: np.dtype) -> np.ndarray:
+    """One record of walks and droops per yarn."""
+    records = np.empty(len(plans), dtype=dtype)
+    for name in dtype.names or ():
+        records[name] = [getattr(plan.free_hairs, name) for plan in plans]
     return records
 
 

@@ -238,10 +238,10 @@ def hair_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
     """Point `k` of a hair: an arc (equation 11), a walk or a droop."""
     if strand.is_hair == ARC_HAIR:
         return arc_point(tables, strand, k)
-    yarn = tables.yarns[strand.yarn]
+    shape = tables.free_hairs[strand.yarn]
     if strand.is_hair == DROOP_HAIR:
         s = strand.length * wp.float32(k) / wp.float32(strand.segments)
-        return droop_point(strand.root, strand.direction, s, yarn.droop_bend, yarn.down)
+        return droop_point(strand.root, strand.direction, s, shape.bend, shape.down)
     return walk_point(
         tables.seed,
         wp.uint32(strand.yarn),
@@ -250,7 +250,7 @@ def hair_point(tables: FiberTables, strand: Strand, k: wp.int32) -> wp.vec3:
         strand.root,
         strand.direction,
         strand.length / wp.float32(strand.segments),
-        yarn.persistence,
+        shape.persistence,
         k,
     )
 
@@ -299,10 +299,10 @@ def open_free_hair(tables: FiberTables, stretch: Stretch, hair: wp.int32, kind: 
     """Draw a walk or a droop. Twin: `free_hairs.sample_free_hairs`."""
     yarn = tables.yarns[stretch.yarn]
     purpose = tables.seed + PURPOSE_WALK
-    length = yarn.walk_length
+    length = tables.free_hairs[stretch.yarn].walk_length
     if kind == DROOP_HAIR:
         purpose = tables.seed + PURPOSE_DROOP
-        length = yarn.droop_length
+        length = tables.free_hairs[stretch.yarn].droop_length
     y = wp.uint32(stretch.yarn)
     z = wp.uint32(stretch.number)
     w = wp.uint32(hair)

@@ -88,10 +88,17 @@ class YarnParameters:
     perturbation: wp.float32
     perturbation_cells: wp.int32
     """Lattice cells of the perturbation in the whole yarn."""
+
+
+@wp.struct
+class FreeHairParameters:
+    """Walks and droops of a whole yarn; apart from `YarnParameters`, which every point reads."""
+
     walk_length: wp.vec2
+    """Mean and standard deviation; likewise below."""
     persistence: wp.float32
     droop_length: wp.vec2
-    droop_bend: wp.float32
+    bend: wp.float32
     down: wp.vec3
 
 
@@ -136,6 +143,7 @@ class FiberTables:
     stretches: wp.array(dtype=Stretch)
     details: wp.array(dtype=NodeDetail)
     """Of all nodes, or nothing where no yarn is detailed."""
+    free_hairs: wp.array(dtype=FreeHairParameters)
     colors: wp.array(dtype=wp.vec3)
 
 
@@ -145,6 +153,7 @@ RECORDS: dict[str, Any] = {
     "seats": FiberSeat,
     "stretches": Stretch,
     "details": NodeDetail,
+    "free_hairs": FreeHairParameters,
 }
 
 

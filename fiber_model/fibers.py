@@ -22,6 +22,7 @@ from .fiber_arrays import (
     build_yarns,
     seats_per_ply,
     yarn_configs,
+    yarn_free_hairs,
 )
 from .fiber_report import (
     FiberReport,
@@ -68,6 +69,8 @@ class FiberSet:
     """`fiber_tables.FiberSeat` records, all body fibers."""
     stretches: np.ndarray
     """`fiber_tables.Stretch` records."""
+    free_hairs: np.ndarray
+    """`fiber_tables.FreeHairParameters` records, one per yarn."""
     details: np.ndarray
     """`fiber_tables.NodeDetail` records of all nodes, or none where no yarn varies or has cords."""
     colors: np.ndarray
@@ -122,6 +125,7 @@ class FiberSet:
             yarns=self.yarns,
             seats=self.seats,
             stretches=self.stretches,
+            free_hairs=self.free_hairs,
             details=self.details,
             colors=self.colors,
         )
@@ -168,6 +172,7 @@ def run(config: FibersConfig, yarns: YarnSet, *, progress: Progress | None = Non
         yarns=build_yarns(plans, seats, first_color, laid.offsets, records["yarns"]),
         seats=build_seats(plans, seats, yarns.yarn_type, seed, records["seats"]),
         stretches=stretches,
+        free_hairs=yarn_free_hairs(plans, records["free_hairs"]),
         details=details,
         colors=colors,
     )
