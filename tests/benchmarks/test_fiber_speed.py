@@ -97,6 +97,7 @@ def test_a_sweater_before_the_first_voxel(pytestconfig: pytest.Config) -> None:
     found = json.loads(done.stdout.splitlines()[-1])
     print(
         f"\n{found['meters']:.0f} m of yarn, {found['nodes'] / 1e6:.1f} M nodes, {found['hairs'] / 1e6:.1f} "
-        f"M hairs: {found['seconds']:.1f} s ({found['run_s']:.1f} s of them `run`), {found['cpu_seconds']:.1f} "
-        f"CPU s; {found['peak_mb']:.0f} MB resident at most, {found['loaded_mb']:.0f} MB before"
+        f"M hairs: {found['seconds']:.1f} s ({found['run_s']:.1f} s of them `run`), "
+        f"{found['cpu_seconds']:.1f} CPU s; {found['peak_mb']:.0f} MB resident at most, "
+        f"{found['loaded_mb']:.0f} MB before"
     )

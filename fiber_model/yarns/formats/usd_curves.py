@@ -92,7 +92,7 @@ def summarize_usd(path: str | Path, *, radius_mm: float | None = None) -> UsdSum
     fields = _read_fields(path, "first")
     named = not np.isnan(float(fields["meters_per_unit"]))
     yarns = _from_fields(fields, path, None if named else 1.0, radius_mm, 1, "yarn")
-    unit = _scale(fields, None, path) if named else None
+    unit = unit_in_mm(fields, None, path) if named else None
     return UsdSummary(yarns, unit, str(fields["up_axis"]), fields["frames"].tolist())
 
 
@@ -104,10 +104,8 @@ def _from_fields(
     up_axis: int,
     type_name: str,
 ) -> YarnSet:
-    scale = _scale(fields, scale_to_mm, path)
-    axis = {"": up_axis, "Y": 1, "Z": 2}.get(str(fields["up_axis"]))
-    if axis is None:
-        raise InputError(f"up axis '{fields['up_axis']}'; need Y or Z", path=path)
+    scale = unit_in_mm(fields, scale_to_mm, path)
+    axis = upward_axis(fields, up_axis, path)
     refuse_too_many_points(len(fields["points"]), "the file", path=path)
     prims = [_prim(part, scale, axis, radius_mm, type_name, path) for part in _parts(fields)]
     return _yarns(prims, path)
@@ -120,12 +118,16 @@ def refuse_without_usd(path: Path) -> None:
 
 
 def _read_fields(path: Path, frame: str) -> dict[str, np.ndarray]:
-    """Run `usd_stage` on the file, within limits of time and memory."""
+    return read_in_process(path, f"{__package__}.usd_stage", frame)
+
+
+def read_in_process(path: Path, module: str, *arguments: str) -> dict[str, np.ndarray]:
+    """Run `usd_stage`, or a module like it, on the file, within limits of time and memory."""
     refuse_without_usd(path)
     with tempfile.TemporaryDirectory() as folder:
-        result = Path(folder) / "curves.npz"
-        program = [sys.executable, "-P", "-m", f"{__package__}.usd_stage"]
-        command = [*program, os.path.abspath(path), str(result), frame]
+        result = Path(folder) / "found.npz"
+        program = [sys.executable, "-P", "-m", module]
+        command = [*program, os.path.abspath(path), str(result), *arguments]
         environment = os.environ | {"PXR_WORK_THREAD_LIMIT": "1", "OPENBLAS_NUM_THREADS": "1"}
         limit = TIMEOUT_S + path.stat().st_size / 1e6
         try:
@@ -142,7 +144,8 @@ def _read_fields(path: Path, frame: str) -> dict[str, np.ndarray]:
             return {name: archive[name] for name in archive.files}
 
 
-def _scale(fields: dict[str, np.ndarray], scale_to_mm: float | None, path: Path) -> float:
+def unit_in_mm(fields: dict[str, np.ndarray], scale_to_mm: float | None, path: Path) -> float:
+    """Length of a unit of the stage [mm]: what was given, or else what the stage says of itself."""
     if scale_to_mm is not None:
         return scale_to_mm
     meters = float(fields["meters_per_unit"])
@@ -152,6 +155,14 @@ def _scale(fields: dict[str, np.ndarray], scale_to_mm: float | None, path: Path)
     if not 0 < meters < 1e7:
         raise InputError(f"metersPerUnit is {meters:g}; need a positive number", path=path)
     return meters * 1000.0
+
+
+def upward_axis(fields: dict[str, np.ndarray], up_axis: int, path: Path) -> int:
+    """1 or 2, from the stage; `up_axis` where it names none."""
+    axis = {"": up_axis, "Y": 1, "Z": 2}.get(str(fields["up_axis"]))
+    if axis is None:
+        raise InputError(f"up axis '{fields['up_axis']}'; need Y or Z", path=path)
+    return axis
 
 
 def _parts(fields: dict[str, np.ndarray]) -> list[dict[str, Any]]:

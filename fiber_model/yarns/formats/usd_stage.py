@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import resource
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +33,16 @@ Prim = dict[str, Any]
 
 
 def main(file: str, result: str, frame: str) -> int:
-    """Read `file` and write `result`; the exit code."""
+    """Read curves of `file` and write `result`; the exit code."""
+    return write_fields(lambda: read_stage(file, frame), file, result)
+
+
+def write_fields(read: Callable[[], dict[str, Any]], file: str, result: str) -> int:
+    """Write what `read` finds in `file`, within limits of memory; the exit code."""
     limit = MEMORY_BYTES + MEMORY_PER_FILE_BYTE * Path(file).stat().st_size
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     try:
-        fields = read_stage(file, frame)
+        fields = read()
     except InputError as error:
         print(" ".join(error.what.split()).encode("ascii", "backslashreplace").decode())
         return error.exit_code
@@ -48,7 +54,7 @@ def read_stage(file: str, frame: str) -> dict[str, Any]:
     """What is asked of the file, at one frame: unit, up axis, and the fields of every prim together."""
     from pxr import UsdGeom
 
-    stage = _open(file)
+    stage = open_stage(file)
     prims = _curve_prims(stage)
     frames = _frames(prims)
     time = _time_of(prims, frames, frame)
@@ -56,12 +62,7 @@ def read_stage(file: str, frame: str) -> dict[str, Any]:
     found = [_read_prim(prim, time) for prim in prims]
     fields: dict[str, Any] = {
         "frames": np.array(frames),
-        "meters_per_unit": np.array(
-            UsdGeom.GetStageMetersPerUnit(stage) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else np.nan
-        ),
-        "up_axis": np.array(
-            str(UsdGeom.GetStageUpAxis(stage)) if stage.HasAuthoredMetadata("upAxis") else ""
-        ),
+        **unit_and_axis(stage),
         "transform": np.array([transforms.GetLocalToWorldTransform(prim) for prim in prims], np.float64),
     }
     for name in TEXT_FIELDS:
@@ -72,7 +73,19 @@ def read_stage(file: str, frame: str) -> dict[str, Any]:
     return fields
 
 
-def _open(file: str) -> Any:
+def unit_and_axis(stage: Any) -> dict[str, Any]:
+    """metersPerUnit and upAxis, not a number and empty where the stage names none."""
+    from pxr import UsdGeom
+
+    named = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
+    axis = str(UsdGeom.GetStageUpAxis(stage)) if stage.HasAuthoredMetadata("upAxis") else ""
+    return {
+        "meters_per_unit": np.array(UsdGeom.GetStageMetersPerUnit(stage) if named else np.nan),
+        "up_axis": np.array(axis),
+    }
+
+
+def open_stage(file: str) -> Any:
     """The stage of this file alone."""
     from pxr import Sdf, Tf, Usd
 

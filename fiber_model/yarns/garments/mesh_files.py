@@ -13,7 +13,10 @@ import numpy as np
 from weft.fiber_model.yarns.formats.bcc import turned_to_y_up
 from weft.files.errors import InputError
 
+from .gltf_files import refuse_bad_gltf
+from .mesh_parts import joined_parts
 from .surface_mesh import SurfaceMesh
+from .usd_mesh import read_usd_mesh
 
 GLTF_TO_MM = 1000.0
 MAX_FILE_BYTES = 2 << 30
@@ -31,10 +34,10 @@ def read_mesh(
     suffix = path.suffix.lower()
     _refuse_large(path)
     if suffix.startswith(".usd"):
-        from .usd_mesh import read_usd_mesh
-
-        vertices, faces, uv = read_usd_mesh(path, scale_to_mm=scale_to_mm)
+        vertices, faces, uv = read_usd_mesh(path, scale_to_mm=scale_to_mm, up_axis=up_axis)
     else:
+        if suffix in (".glb", ".gltf"):
+            refuse_bad_gltf(path)
         vertices, faces, uv = _read_with_trimesh(path)
         if scale_to_mm is None and suffix in (".obj", ".ply"):
             raise InputError("needs scale_to_mm: these files do not hold their unit", path=path)
@@ -76,16 +79,3 @@ def _corner_uv(part: Any, path: Path) -> np.ndarray | None:
     if part.faces.min() < 0 or part.faces.max() >= len(uv):
         raise InputError(f"triangles name vertices that there are not; there are {len(uv)}", path=path)
     return np.asarray(uv, dtype=np.float64)[part.faces][..., :2]
-
-
-def joined_parts(
-    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray | None]],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """One mesh of several; with (u, v) only if all have them."""
-    starts = np.cumsum([0] + [len(vertices) for vertices, _, _ in parts])
-    uvs = [uv for _, _, uv in parts if uv is not None]
-    return (
-        np.concatenate([vertices for vertices, _, _ in parts]),
-        np.concatenate([faces + start for (_, faces, _), start in zip(parts, starts[:-1], strict=True)]),
-        np.concatenate(uvs) if len(uvs) == len(parts) else None,
-    )

@@ -78,9 +78,9 @@ class MeshConfig(_Config):
     file: InputFile
     """Path to the file; its suffix tells the format."""
     scale_to_mm: Length | None = None
-    """Length of one unit of the file in mm. Needed for .obj and .ply; glTF and USD know theirs."""
+    """Length of one unit of the file in mm. Needed for .obj, .ply and USD files that do not say."""
     up_axis: Literal["y", "z"] | None = None
-    """Axis of an .obj or .ply file that points up, y by default; glTF and USD know theirs."""
+    """Axis that points up in a file that does not say, y by default; glTF and most USD files know theirs."""
     uv: Literal["auto", "file", "unwrap", "panels"] = "auto"
     """Surface coordinates: the file's own, charts cut by xatlas, or panels that face front (+z) and back.
 
@@ -97,7 +97,7 @@ class MeshConfig(_Config):
             raise ValueError(f"cannot read meshes from '{suffix}' files, only {known}")
         if suffix in (".obj", ".ply") and self.scale_to_mm is None:
             raise ValueError(f"{suffix} files do not hold their unit, so 'scale_to_mm' must be given")
-        if suffix not in (".obj", ".ply") and self.up_axis is not None:
+        if suffix in (".glb", ".gltf") and self.up_axis is not None:
             raise ValueError(f"{suffix} files know which axis is up; remove 'up_axis'")
         if self.uv in ("unwrap", "panels") and self.uv_unit_mm is not None:
             raise ValueError(

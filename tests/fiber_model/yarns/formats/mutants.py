@@ -46,7 +46,7 @@ def mutant(whole, rng):
     return bytes(data)
 
 
-def read_mutants(read, whole, path, *, count=MUTANTS):
+def read_mutants(read, whole, path, *, count=MUTANTS, kind=YarnSet):
     """Read `count` mutants of the file's bytes through `read(path)`; how many were refused, and read."""
     rng = np.random.default_rng(17)
     refused, good, lines, worst = 0, 0, 0, 0.0
@@ -56,7 +56,7 @@ def read_mutants(read, whole, path, *, count=MUTANTS):
             path.write_bytes(mutant(whole, rng))
             begin = time.perf_counter()
             try:
-                assert isinstance(read(path), YarnSet)
+                assert isinstance(read(path), kind)
                 good += 1
             except InputError as error:
                 lines = max(lines, str(error).count("\n") + 1)

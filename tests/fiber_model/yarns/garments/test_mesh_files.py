@@ -79,7 +79,7 @@ def test_usd_units_axes_transforms_and_polygons(tmp_path):
 
 def test_the_shirt(shared_data):
     pytest.importorskip("pxr", reason="usd-core is an extra: pip install usd-core")
-    mesh = read_mesh(shared_data / "garments" / "unisex_shirt.usd")
+    mesh = read_mesh(shared_data / "garments" / "unisex_shirt.usd", scale_to_mm=10.0)
     assert mesh.face_count == 12736
     assert mesh.uv is None
     assert np.ptp(mesh.vertices, axis=0) == pytest.approx([651.2, 645.8, 274.8], abs=0.1)

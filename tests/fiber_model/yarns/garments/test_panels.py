@@ -93,7 +93,7 @@ def test_what_is_no_disk_is_refused():
 
 def test_the_shirt_comes_in_two_panels(shared_data):
     pytest.importorskip("pxr", reason="usd-core is an extra: pip install usd-core")
-    mesh = cut_panels(read_mesh(shared_data / "garments" / "unisex_shirt.usd"))
+    mesh = cut_panels(read_mesh(shared_data / "garments" / "unisex_shirt.usd", scale_to_mm=10.0))
     charts = build_charts(mesh, grain="up")
     assert len(charts) == 2
     stretch = np.concatenate([principal_stretches(mesh, chart) for chart in charts])
