@@ -18,6 +18,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from weft.fiber_model.yarns.garments.gltf_files import external_files
 from weft.files.errors import InputError
 
 from .job import Job
@@ -54,11 +55,23 @@ def stage_key(stage: Stage, job: Job, inputs: Mapping[str, Path]) -> StageKey:
                 if isinstance(value, Path):
                     stamps[name] = stamp_of(value)
                     # the suffix says how the file is read; where it lies does not matter
+                    values |= _companions(name, value, stamps)
                     value = f"{value.suffix} sha256:{stamps[name].sha256}"
                 values[name] = value
     values |= {name: f"sha256:{stamps[name].sha256}" for name in stamps if name.startswith("input.")}
     values |= {f"code of {part}": code_fingerprint(part) for part in stage.code}
     return StageKey(values, stamps)
+
+
+def _companions(name: str, path: Path, stamps: dict[str, FileStamp]) -> dict[str, str]:
+    """Files that a file reads in its turn: the buffers of a .gltf. Their stamps join `stamps`."""
+    found = {}
+    if path.suffix.lower() == ".gltf":
+        for number, other in enumerate(external_files(path)):
+            key = f"{name} buffer {number}"
+            stamps[key] = stamp_of(other)
+            found[key] = f"sha256:{stamps[key].sha256}"
+    return found
 
 
 def flattened(value: Any, path: tuple[str, ...]) -> dict[str, Any]:

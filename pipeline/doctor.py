@@ -31,6 +31,8 @@ OPENVDB_PACKAGES = (
     'until then use voxelize.formats = ["nvdb"]'
 )
 LIBRARIES = ("numpy", "scipy", "pydantic", "cyclopts", "rich", "moderngl", "pillow", "trimesh", "pyvista")
+EXTRAS = {"xatlas": "weft[garments]", "usd-core": "weft[usd]"}
+"""Packages that some inputs need, and what installs them: meshes without (u, v), and USD files."""
 
 PROBE = "import sys; from weft.pipeline.doctor import print_probe; print_probe(sys.argv[1])"
 
@@ -89,7 +91,14 @@ def library_findings() -> list[Finding]:
     versions = library_versions(LIBRARIES)
     missing = [name for name, version in versions.items() if version == "not installed"]
     found = ", ".join(f"{name} {version}" for name, version in versions.items())
-    return [Finding("libraries", not missing, found, f"pip install {' '.join(missing)}")]
+    libraries = Finding("libraries", not missing, found, f"pip install {' '.join(missing)}")
+    return [libraries, *(_extra_finding(name, cure) for name, cure in EXTRAS.items())]
+
+
+def _extra_finding(name: str, extra: str) -> Finding:
+    version = library_versions([name])[name]
+    good = version != "not installed"
+    return Finding(name, good, version, f"pip install '{extra}', or pip install {name}", needed=False)
 
 
 def _probe_apart(name: str) -> Finding:

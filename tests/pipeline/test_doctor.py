@@ -52,7 +52,7 @@ def test_versions_of_openexr_with_known_holes_are_named(monkeypatch, version, go
 
 def test_a_missing_library_is_named(monkeypatch):
     monkeypatch.setattr(doctor, "LIBRARIES", ("numpy", "no-such-thing"))
-    (finding,) = doctor.library_findings()
+    finding = doctor.library_findings()[0]
     assert not finding.good
     assert finding.cure == "pip install no-such-thing"
 
@@ -75,3 +75,12 @@ def test_a_cure_stands_below_what_is_missing():
         "MISSING opengl     no driver",
         "                   -> apt install it",
     ]
+
+
+def test_extras_are_listed_and_not_needed(monkeypatch):
+    monkeypatch.setattr(doctor, "library_versions", lambda names: dict.fromkeys(names, "not installed"))
+    found = {finding.name: finding for finding in doctor.library_findings()}
+    for name, extra in (("xatlas", "weft[garments]"), ("usd-core", "weft[usd]")):
+        assert not found[name].good
+        assert not found[name].needed
+        assert extra in found[name].cure

@@ -28,6 +28,15 @@ from weft.voxelize.nanovdb import write_volume
 SIZE = (640, 480)
 PYP = "*pattern\n0.01 0.01 0.001 4\n*Q\n" + "".join(f"{0.0025 * i} 0 0 0\n" for i in range(4))
 PYP += "*E\n0 1 0 0\n1 2 0 0\n2 3 0 0\n3 0 1 0\n"
+POLY = "POINTS\n" + "".join(f"{i}: {i} 0 0\n" for i in range(1, 6))
+POLY += "POLYS\n" + "".join(f"{i}: {i} {i + 1}\n" for i in range(1, 5)) + "END\n"
+USDA = """#usda 1.0
+def Mesh "cloth" {
+  int[] faceVertexCounts = [3]
+  int[] faceVertexIndices = [0, 1, 2]
+  point3f[] points = [(0,0,0), (1,0,0), (0,1,0)]
+}
+"""
 MESH = "v 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 3\n"
 JOB = '[yarns]\nkind = "knit"\nsize_mm = [12, 10]\nstitch_width_mm = 6.0\n[fibers]\npreset = "cotton1"\n'
 RUN = """
@@ -93,6 +102,9 @@ def write_inputs(folder):
     (folder / "a.pyp").write_text(PYP)
     (folder / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 1 0\nv 3 0 0\nl 1 2 3 4\n")
     (folder / "mesh.obj").write_text(MESH)
+    (folder / "a.poly").write_text(POLY)
+    (folder / "bare.usda").write_text(USDA)
+    (folder / "cloth.usda").write_text(USDA.replace("1.0\n", "1.0\n( metersPerUnit = 0.01 )\n"))
     (folder / "job.toml").write_text(JOB)
     write_curves(fibers(), folder / "fibers.npz")
     write_volume(folder / "grid.nvdb", volume())
@@ -108,6 +120,8 @@ PICTURES = {
     "pyp": ["a.pyp"],
     "obj": ["a.obj", "--scale-to-mm", "10", "--radius-mm", "1"],
     "mesh": ["mesh.obj", "--scale-to-mm", "10"],
+    "poly": ["a.poly", "--scale-to-mm", "10", "--radius-mm", "1"],
+    "garment": ["cloth.usda"],
     "fibers": ["fibers.npz"],
     "grid": ["grid.nvdb"],
     "surface": ["grid.nvdb", "--surface", "0.4", "--view", "iso"],
@@ -285,6 +299,9 @@ BAD = {
     "grid.nvdb": (["--slice", "z=77"], "--slice: z=77 misses the grid"),
     "gray.exr": (["--size", "12"], "--size: '12' is no size"),
     "job.toml": (["--part", "grid"], "needs the table [voxelize]"),
+    "a.poly": (["--radius-mm", "1"], ".poly files name no unit; give --scale-to-mm"),
+    "bare.usda": ([], "does not name its unit (metersPerUnit). Give --scale-to-mm"),
+    "a.pyp": (["--scale-to-mm=-1"], "--scale-to-mm: -1 is no length"),
     "bad.toml": ([], "bad.toml:1: yarns.kind"),
 }
 

@@ -15,6 +15,7 @@ from weft.files.errors import InputError
 
 from .gltf_files import refuse_bad_gltf
 from .mesh_parts import joined_parts
+from .ply_files import refuse_bad_ply
 from .surface_mesh import SurfaceMesh
 from .usd_mesh import read_usd_mesh
 
@@ -38,6 +39,8 @@ def read_mesh(
     else:
         if suffix in (".glb", ".gltf"):
             refuse_bad_gltf(path)
+        if suffix == ".ply":
+            refuse_bad_ply(path)
         vertices, faces, uv = _read_with_trimesh(path)
         if scale_to_mm is None and suffix in (".obj", ".ply"):
             raise InputError("needs scale_to_mm: these files do not hold their unit", path=path)

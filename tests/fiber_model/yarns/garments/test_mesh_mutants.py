@@ -152,7 +152,7 @@ def test_a_huge_count_in_a_ply_is_refused(tmp_path, name, element):
             else line for line in lines]  # fmt: skip
     path = tmp_path / name
     path.write_bytes(b"\n".join(huge))
-    with pytest.raises(InputError, match=r"cannot be read|triangles|vertices|damaged"):
+    with pytest.raises(InputError, match=f"99999999999 of '{element}'"):
         read_mesh(path, scale_to_mm=1.0)
 
 
