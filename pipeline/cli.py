@@ -218,6 +218,37 @@ def doctor(*, json: Annotated[bool, Parameter(negative=())] = False) -> int:
 
 
 @app.command
+def scattering(
+    parameters: list[str],
+    /,
+    *,
+    out: Path = Path("scattering.png"),
+    theta_deg: float = 45.0,
+) -> None:
+    """Draw how fibers scatter light, print their albedo against the angle and the sampler's weight variance.
+
+    Parameters
+    ----------
+    parameters
+        Up to six, side by side: a preset's name, a fit (.json), a job or a table of lobes (.toml).
+    out
+        The PNG to write.
+    theta_deg
+        Inclination of the light from the plane across the fiber, at azimuth 0.
+    """
+    from .lobe_report import report_lines
+    from .lobe_sources import lobes_of_all
+
+    lobes = lobes_of_all(parameters)
+    for line in report_lines(lobes):
+        print(line)
+    from .lobe_pictures import draw_lobes
+
+    draw_lobes(lobes, out, theta_deg=theta_deg)
+    print(f"drawn in {out}")
+
+
+@app.command
 def inspect(
     file: Path,
     *,

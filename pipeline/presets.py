@@ -1,5 +1,5 @@
-"""Values that lie under a table's own: of `preset = "cotton2"`, the file configs/presets/<family>/cotton2.toml,
-or, in [scattering], of `fit = "cotton_fit.json"`, a file of fitted parameters.
+"""Values that lie under a table's own: `preset = "cotton2"`, the file configs/presets/<family>/cotton2.toml,
+or, in [scattering], `fit = "cotton_fit.json"`, a file of fitted parameters.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def _complete_by_fit(document: TomlDocument, path: tuple[str, ...], problems: li
     except InputError as error:
         problems.append(problem_from(error, origin, key))
     else:
-        origins = {(name,): Origin(file) for name in values}
+        origins: dict[KeyPath, Origin] = {(name,): Origin(file) for name in values}
         return _laid_under(document, TomlDocument(values, origins), path)
     return document
 
