@@ -230,7 +230,7 @@ def scattering(
     Parameters
     ----------
     parameters
-        Up to six, side by side: a preset's name, a fit (.json), a job or a table of lobes (.toml).
+        Up to six, side by side: a preset's name, a fit (.json), a job, or a file as a preset is (.toml).
     out
         The PNG to write.
     theta_deg

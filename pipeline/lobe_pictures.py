@@ -36,7 +36,7 @@ def draw_lobes(lobes: Lobes, path: Path, *, theta_deg: float = 45.0) -> None:
         raise InputError("the picture is a .png file", path=path)
     columns = max(2, min(3, len(lobes)))
     rows = -(-len(lobes) // columns)
-    figure = Figure(figsize=(4.6 * columns, 5.0 + 4.0 * rows), dpi=100, layout="constrained")
+    figure: Any = Figure(figsize=(4.6 * columns, 5.0 + 4.0 * rows), dpi=100, layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=[5.0, 4.0 * rows])
     theta_o = np.radians(theta_deg)
     _draw_slices(top, lobes, theta_o)
@@ -87,7 +87,7 @@ def _draw_lobe(axes: Any, name: str, parameters: FiberScatteringParameters, thet
     axes.plot([0, ox], [0, 0], [0, oy], color="tab:orange", lw=1.5, ls="--")
     axes.set_title(f"{name}\nlargest f_p = {reach:.3g} / sr", fontsize=10, y=0.98)
     axes.set(xlim=(-0.75, 0.75), ylim=(-0.75, 0.75), zlim=(-0.75, 0.75))
-    axes.set_box_aspect((1, 1, 1), zoom=1.35)
+    axes.set_box_aspect((1, 1, 1), zoom=1.15)
     axes.view_init(elev=14, azim=-66)
     axes.set_axis_off()
 

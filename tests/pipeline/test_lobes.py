@@ -33,8 +33,7 @@ def test_a_preset_a_job_and_a_fit_are_taken(tmp_path, presets):
     reference = presets["reference"]
     assert lobes_of(str(job)).keys() == {"job", "job: weft"}
     assert lobes_of(str(job))["job"] == reference
-    table = tmp_path / "lobes.toml"
-    table.write_text('preset = "reference"\nfresnel_tt = 0.5\n')
+
     fit = tmp_path / "fit.json"
     lobes = LobesConfig.from_parameters(reference)
     save_parameters(fit, ScatteringParameterFile(lobes, {"source": "a test", "method": "none"}))

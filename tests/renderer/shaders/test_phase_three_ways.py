@@ -30,7 +30,7 @@ def largest_errors(name, count):
     wo, wi = random_directions(rng, count), random_directions(rng, count)
     half = count // 2
     wi[:half] = fiber_phase_sample(parameters, wo[:half], rng.random((half, 4)))[0]
-    wo64, wi64 = wo.astype(np.float64), wi.astype(np.float64)
+    wo64, wi64 = (w / np.linalg.norm(w, axis=1, keepdims=True) for w in (wo.astype(float), wi.astype(float)))
     top, expected = peak(parameters, wo64)[:, None], on_jax(parameters, wo64, wi64)
     in_glsl, in_numpy = evaluate(INDEX[name], wo, wi), fiber_phase_eval(parameters, wo64, wi64)
     return np.abs((in_glsl - expected) / top).max(), np.abs((in_numpy - expected) / top).max()
