@@ -46,8 +46,9 @@ def lobe_columns(kinds: LobeKinds, channels: int, full: jax.Array, data: Directi
     """The four functions that the amplitudes multiply, shape [N, 4]."""
     along_around = lobe_densities(kinds, lobe_parameters(full, channels), data.directions)
     s = schlick(jnp.cos(data.directions.theta_o))[data.directions.pair_theta_o[data.directions.pair]]
-    r, tt, trt = (data.factor * along_around[:, k] for k in range(3))
-    return jnp.stack([(1 - s) * r, s * r, (1 - s) * tt, (1 - s) * trt], axis=-1)
+    lobes = [data.factor * lobe for lobe in along_around.T]
+    r, tt, trt, grazing = lobes if len(lobes) == 4 else (*lobes, lobes[0])  # as phase.py of `symmetric`
+    return jnp.stack([r - s * grazing, s * grazing, (1 - s) * tt, (1 - s) * trt], axis=-1)
 
 
 def solve_amplitudes(columns: jax.Array, data: DirectionData, choice: AmplitudeChoice) -> jax.Array:

@@ -115,7 +115,7 @@ class FitConfig(_Table):
     """Files of measured scattering, all of one quantity and with the same channels."""
     result: Annotated[str, Field(pattern=r"^[\w][\w.-]*\.json$")] = "fit.json"
     """Name of the result in the output folder; the report lies beside it as .md."""
-    longitudinal: Literal["gaussian", "vmf"] = "gaussian"
+    longitudinal: Literal["gaussian", "vmf", "symmetric"] = "gaussian"
     """Shape of the lobes along the fiber."""
     azimuthal: Literal["wrapped_normal", "von_mises"] = "wrapped_normal"
     """Shape of the lobes around the fiber."""

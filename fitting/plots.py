@@ -28,7 +28,7 @@ def write_plots(result: FitResult, slices: Path, residuals: Path) -> None:
 
 
 def _lights(measurements: Measurements) -> NDArray[np.float64]:
-    return np.unique(np.round(np.degrees(measurements.theta_i), 4))[:4]
+    return np.unique(np.round(np.degrees(measurements.theta_i), 4)).astype(np.float64)[:4]
 
 
 def _draw_slices(figure: Any, result: FitResult) -> None:

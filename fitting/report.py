@@ -1,4 +1,4 @@
-"""The fit's report: JSON that `[scattering] fit` takes, Markdown for people. The same fit writes the same bytes."""
+"""The fit's report: JSON that `[scattering] fit` takes, Markdown for people. The same fit, the same bytes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ def parameter_file(result: FitResult) -> ScatteringParameterFile:
     return ScatteringParameterFile(
         lobes=_lobes(result),
         provenance={
-            "source": result.seen.source or ", ".join(name for name, _ in result.data_sha256) or "measurements",
+            "source": result.seen.source
+            or ", ".join(name for name, _ in result.data_sha256)
+            or "measurements",
             "method": "weft fit: least squares of the three lobes to measured directions",
             "data_sha256": dict(result.data_sha256),
             "versions": {name: metadata.version(name) for name in LIBRARIES},
@@ -164,11 +166,13 @@ def markdown(result: FitResult, plots: dict[str, str]) -> str:
 
 def _summary(result: FitResult) -> str:
     ratio = result.chi2 / result.degrees_of_freedom
-    errors = "taken at its word" if result.variance_scale == 1 else f"scaled by {result.variance_scale**0.5:.3g}"
+    errors = (
+        "taken at its word" if result.variance_scale == 1 else f"scaled by {result.variance_scale**0.5:.3g}"
+    )
     return (
         f"{result.seen.values.size} values, chi² per degree of freedom {ratio:.4g} (sigma {errors}). "
-        f"{result.starts_at_best} of {result.starts} random starts ended in this minimum; a further step would "
-        f"lower chi² by {result.edm:.0e} of its size per value. Scale {result.scale:.6g}."
+        f"{result.starts_at_best} of {result.starts} random starts ended in this minimum; a further step "
+        f"would lower chi² by {result.edm:.0e} of its size per value. Scale {result.scale:.6g}."
     )
 
 
@@ -186,7 +190,9 @@ def _parameter_table(result: FitResult) -> str:
             remark = f"**at its {number.at_bound} bound**"
         elif number.near_bound:
             remark = "within three standard errors of a bound"
-        rows.append(f"| {number.name} | {number.value:.6g} | {error} | {bounds[0]} | {bounds[1]} | {remark} |")
+        rows.append(
+            f"| {number.name} | {number.value:.6g} | {error} | {bounds[0]} | {bounds[1]} | {remark} |"
+        )
     return "\n".join(rows)
 
 

@@ -16,8 +16,7 @@ from weft.fiber_model.scattering.phase_jax import (
     DistinctDirections,
     LobeKinds,
     distinct_directions,
-    lobe_densities,
-    lobe_energies,
+    fiber_phase_eval,
 )
 from weft.files.errors import InputError
 
@@ -87,11 +86,8 @@ class DirectionResidual:
 
 def predict(kinds: LobeKinds, channels: int, full: jax.Array, data: DirectionData) -> jax.Array:
     """The model's value of the measured quantity, shape [N, C]."""
-    parameters = lobe_parameters(full, channels)
-    energies = full[SCALE] * lobe_energies(parameters, jnp.cos(data.directions.theta_o))
-    of_direction = energies[data.directions.pair_theta_o[data.directions.pair]]
-    densities = data.factor[:, None] * lobe_densities(kinds, parameters, data.directions)
-    return jnp.einsum("nkc,nk->nc", of_direction, densities)
+    values = fiber_phase_eval(kinds, lobe_parameters(full, channels), data.directions)
+    return full[SCALE] * data.factor[:, None] * values
 
 
 def transform(loss: str, y: Any, peak: Any) -> Any:

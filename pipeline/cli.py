@@ -61,12 +61,16 @@ def run(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO
         The TOML file of the job.
     """
     from .config import load
+    from .fit_stage import run_fit_first
     from .progress import reporter
     from .run import run_chain
     from .stages import CHAIN, targets
 
+    report = reporter(how.progress)
+    fitted = run_fit_first(job, options.overrides, options.output, report=report, force=how.force)
     loaded = load(job, options.overrides, options.output)
-    run_chain(loaded, CHAIN, targets(loaded), report=reporter(how.progress), force=how.force)
+    names = [name for name in targets(loaded) if not (fitted and name == "fit")]
+    run_chain(loaded, CHAIN, names, report=report, force=how.force)
 
 
 def _run_stage(name: str, job: Path, options: JobOptions, how: RunOptions) -> None:
@@ -118,6 +122,24 @@ def voxelize(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions
         The TOML file of the job.
     """
     _run_stage("voxelize", job, options, how)
+
+
+@app.command
+def fit(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+    """Fit scattering parameters to measurements. Writes fit.json and its report; looks at [fit] alone.
+
+    Parameters
+    ----------
+    job
+        The TOML file of the job.
+    """
+    from .config import load
+    from .fit_stage import FIT, FIT_TABLES
+    from .progress import reporter
+    from .run import run_one
+
+    loaded = load(job, options.overrides, options.output, only=FIT_TABLES)
+    run_one(loaded, {"fit": FIT}, "fit", report=reporter(how.progress), force=how.force)
 
 
 @app.command

@@ -12,6 +12,7 @@ from weft.fiber_model.config import FibersConfig
 from weft.fiber_model.scattering.config import ScatteringConfig
 from weft.fiber_model.yarns.config import YarnsConfig
 from weft.files.input_file import InputFile, OutputPath
+from weft.fitting.config import FitConfig
 from weft.renderer.config import RenderConfig
 from weft.voxelize.config import VoxelizeConfig
 
@@ -75,6 +76,8 @@ class JobConfig(_Table):
     """The part of the fibers to write as curves."""
     voxelize: VoxelizeConfig | None = None
     """The sparse grid of fiber density and direction."""
+    fit: FitConfig | None = None
+    """Scattering parameters from measurements, for [scattering] to take."""
     scattering: ScatteringConfig | None = None
     """How a fiber scatters light."""
     render: RenderTable | None = None
@@ -83,9 +86,11 @@ class JobConfig(_Table):
     """Where the results go."""
 
 
-def load(path: Path, overrides: Sequence[str] = (), output: Path | None = None) -> Job:
-    """Raises `InputError` with one line for every mistake in the job."""
-    return load_job(path, overrides, model=JobConfig, output=output)
+def load(
+    path: Path, overrides: Sequence[str] = (), output: Path | None = None, *, only: Sequence[str] = ()
+) -> Job:
+    """Raises `InputError` with one line for every mistake in the job. `only`: look at these tables alone."""
+    return load_job(path, overrides, model=JobConfig, output=output, only=only)
 
 
 def job_schema() -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from .includes import read_with_includes
+from .merging import without
 from .messages import JobErrors, Problem
 from .overrides import apply_overrides
 from .presets import apply_presets
@@ -45,10 +46,17 @@ class Job:
 
 
 def load_job(
-    path: Path, overrides: Sequence[str] = (), *, model: type[BaseModel], output: Path | None = None
+    path: Path,
+    overrides: Sequence[str] = (),
+    *,
+    model: type[BaseModel],
+    output: Path | None = None,
+    only: Sequence[str] = (),
 ) -> Job:
-    """Raises `InputError` with one line for every mistake in the job."""
-    document = apply_overrides(read_with_includes(path), overrides)
+    """Raises `InputError` with one line for every mistake in the job. `only`: look at these tables alone."""
+    document = read_job(path, overrides)
+    for name in [name for name in document.table if only and name not in only]:
+        document = without(document, name)
     problems: list[Problem] = []
     document = apply_presets(document, problems)
     try:
@@ -59,6 +67,11 @@ def load_job(
         raise JobErrors(problems)
     folder = output or _output_folder(path, config, document)
     return Job(path, config, document, Path(os.path.abspath(folder)))
+
+
+def read_job(path: Path, overrides: Sequence[str] = ()) -> TomlDocument:
+    """The values of a job file, its includes and the command line, before presets and validation."""
+    return apply_overrides(read_with_includes(path), overrides)
 
 
 def _not_caused_by_presets(found: list[Problem], presets: list[Problem]) -> list[Problem]:

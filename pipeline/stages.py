@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from weft.files.errors import InputError
 
+from .fit_stage import FIT
 from .job import Job
 from .messages import JobErrors, Problem, did_you_mean
 from .stage import Progress, Stage, StageInput, StageWork
@@ -284,6 +285,7 @@ SCATTERING_CODE = ("fiber_model/scattering/config.py", "fiber_model/scattering/p
 CHAIN: dict[str, Stage] = {
     stage.name: stage
     for stage in (
+        FIT,
         Stage(
             name="yarns",
             tables=("yarns",),
