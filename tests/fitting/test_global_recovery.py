@@ -13,7 +13,7 @@ from weft.fitting.projected import polish
 
 TRUTHS = 200
 TOLERANCE = 0.01
-"""chi² may end this far above the minimum next to the truth: a tenth of a standard deviation of one number."""
+"""chi² may end this far above the minimum next to the truth: a tenth of one number's sigma."""
 
 
 def recovery(seed: int, *, gray: bool) -> tuple[bool, float]:
@@ -39,6 +39,6 @@ def test_one_call_reaches_the_global_minimum(gray, capsys):
         failed = [seed for seed, (ok, _) in enumerate(outcomes) if not ok]
         print(f"\n{'gray' if gray else 'rgb'}: {reached} of {TRUTHS} reached; missed {failed}")
         print(
-            f"seconds a call: median {np.median(seconds):.2f}, without compiling {seconds[1:].max():.2f} at most"
+            f"seconds a call: median {np.median(seconds):.2f}, after the first {seconds[1:].max():.2f} at most"
         )
     assert reached >= 0.99 * TRUTHS
