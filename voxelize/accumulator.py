@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from .grid import BRICK_SIZE, BRICK_VOXELS
+from .grid import BRICK_SIZE, BRICK_VOXELS, CHANNELS, MOMENTS, empty_values
 from .kernels import LENGTH_UNITS, SUM_COUNT, TileSums, resolve_bricks
 from .tiles import VoxelBox
 
@@ -27,26 +27,30 @@ class BrickBatch:
     origins: np.ndarray
     density: np.ndarray
     direction: np.ndarray
+    moment_diag: np.ndarray | None = None
+    moment_off: np.ndarray | None = None
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
         """The arrays that stand for each voxel, as `FiberGrid.channels`."""
-        return {"density": self.density, "direction": self.direction}
+        held = {name: getattr(self, name) for name in CHANNELS}
+        return {name: array for name, array in held.items() if array is not None}
 
 
 class TileAccumulator:
     """Sums for all voxels of one tile, used for tile after tile by one worker."""
 
-    def __init__(self, tile_voxels: int, voxel_size_mm: float) -> None:
+    def __init__(self, tile_voxels: int, voxel_size_mm: float, *, second_moment: bool = False) -> None:
         self._bricks_per_side = tile_voxels // BRICK_SIZE
         self._tile_voxels = tile_voxels
         self._voxel_size_mm = voxel_size_mm
+        self._second_moment = second_moment
         # fresh zero pages cost nothing until fibers reach their brick
         self._sums = _shared(np.zeros(accumulator_bytes(tile_voxels) // 8, dtype=np.int64), wp.int64)
         self._used = _shared(np.zeros(self._bricks_per_side**3, dtype=np.uint8), wp.uint8)
 
-    def open(self, origin: np.ndarray, region: VoxelBox) -> TileSums:
-        """The tile that begins at voxel `origin`, cut to the region, ready for a kernel."""
+    def open(self, origin: np.ndarray, region: VoxelBox, lines: np.ndarray) -> TileSums:
+        """The tile that begins at voxel `origin`, cut to the region; `lines` as in `TilePlan`."""
         tile = TileSums()
         tile.origin = wp.vec3i(*origin.tolist())
         tile.low = wp.vec3i(*np.maximum(origin, region.low).tolist())
@@ -55,6 +59,7 @@ class TileAccumulator:
         tile.inverse_voxel_size = 1.0 / self._voxel_size_mm
         tile.sums = self._sums
         tile.used = self._used
+        tile.offsets = _shared(lines, wp.vec2)
         return tile
 
     def resolve(self, origin: np.ndarray, fiber_radius_mm: float) -> BrickBatch:
@@ -62,8 +67,8 @@ class TileAccumulator:
         used = self._used.numpy()
         bricks = np.flatnonzero(used).astype(np.int32)
         used[bricks] = 0
-        density = np.empty((len(bricks), BRICK_VOXELS), dtype=np.float32)
-        direction = np.empty((len(bricks), BRICK_VOXELS, 3), dtype=np.float32)
+        density, direction = empty_values(len(bricks), "density"), empty_values(len(bricks), "direction")
+        moments = [empty_values(len(bricks) if self._second_moment else 0, name) for name in MOMENTS]
         wp.launch(
             resolve_bricks,
             dim=density.shape,
@@ -73,12 +78,16 @@ class TileAccumulator:
                 # phi = pi a^2 lambda, with lambda h^3 the length in the voxel
                 math.pi * fiber_radius_mm**2 / (self._voxel_size_mm**2 * LENGTH_UNITS),
             ],
-            outputs=[_shared(density, wp.float32), _shared(direction, wp.vec3)],
+            outputs=[
+                _shared(density, wp.float32),
+                *(_shared(array, wp.vec3) for array in (direction, *moments)),
+            ],
             device=DEVICE,
         )
         side = self._bricks_per_side
         place = np.stack(np.unravel_index(bricks, (side, side, side)), axis=1)
-        return BrickBatch((origin + place * BRICK_SIZE).astype(np.int32), density, direction)
+        origins = (origin + place * BRICK_SIZE).astype(np.int32)
+        return BrickBatch(origins, density, direction, *(moments if self._second_moment else ()))
 
 
 def _shared(array: np.ndarray, dtype: type) -> wp.array:

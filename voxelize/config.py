@@ -19,11 +19,17 @@ class VoxelizeConfig(BaseModel):
     region_mm: tuple[Corner, Corner] | None = None
     """Only what lies in this box, [[x0, y0, z0], [x1, y1, z1]], widened to whole voxels. Default: all."""
     memory_mb: float | None = Field(default=None, gt=0)
-    """Memory that the whole process may hold; tiles go to the disk as they are done, so that it suffices for any
-    garment but for 320 bytes a brick. Default: what the machine has free."""
+    """Memory that the whole process may hold; tiles go to the disk as they are done, 320 bytes a brick stay.
+    Default: what the machine has free."""
+    fiber_shape: Literal["cylinder", "line"] = "cylinder"
+    """How fibers fill voxels below four fiber radii; above, both are the same. "line" is quicker, and many times
+    too dense where voxels are thinner than a fiber."""
+    second_moment: bool = False
+    """Also store T, the mean of t t^T over the fiber directions t, as the grids moment_diag (xx, yy, zz) and
+    moment_off (xy, xz, yz)."""
     tile_voxels: int = Field(default=128, ge=8, le=256, multiple_of=8)
-    """Voxels along the edge of the cube that one worker fills at a time; less where memory is short. It changes
-    no bit of the result."""
+    """Voxels along the edge of the cube that one worker fills at a time; less where memory is short. It
+    changes no bit of the result."""
     formats: tuple[Literal["vdb", "nvdb"], ...] = Field(default=("vdb",), min_length=1)
     """Files to write: "vdb" (needs OpenVDB), "nvdb", or both; the first one is what later stages read."""
 

@@ -41,9 +41,11 @@ def fill_tiles(
             return None
         try:
             if not hasattr(own, "accumulator"):
-                own.accumulator = TileAccumulator(plan.tile_voxels, plan.voxel_size_mm)
+                own.accumulator = TileAccumulator(
+                    plan.tile_voxels, plan.voxel_size_mm, second_moment=plan.second_moment
+                )
             job = plan.jobs[number]
-            tile = own.accumulator.open(job.work.origin, plan.region)
+            tile = own.accumulator.open(job.work.origin, plan.region, plan.lines[job.medium])
             length = source.accumulate(tile, job.work, limits)
             batch = own.accumulator.resolve(job.work.origin, source.fiber_radius_mm[job.medium])
             return keep(number, batch, length)

@@ -17,7 +17,8 @@ from .report import VoxelizeReport
 
 BRICK_SIZE = 8
 BRICK_VOXELS = BRICK_SIZE**3
-CHANNELS = {"density": 1, "direction": 3}
+MOMENTS = ("moment_diag", "moment_off")
+CHANNELS = {"density": 1, "direction": 3, "moment_diag": 3, "moment_off": 3}
 """What a brick may hold, by the name of the field: numbers per voxel."""
 COORDINATE_LIMIT = 2**30
 """Voxel coordinates stay below this in size, so that sums of two fit 32 bits."""
@@ -39,6 +40,10 @@ class FiberGrid:
     """Fiber volume fraction [1], float32, shape [brick_count, 512]; may pass 1 where fibers overlap."""
     direction: np.ndarray
     """Unit fiber axis, float32, shape [brick_count, 512, 3]; zero where the density is zero."""
+    moment_diag: np.ndarray | None = None
+    """Second moment T = sum l t t^T / sum l: xx, yy, zz, float32, shape [brick_count, 512, 3]; trace 1."""
+    moment_off: np.ndarray | None = None
+    """Its xy, xz and yz."""
 
     def __post_init__(self) -> None:
         for name in ("voxel_size_mm", "fiber_radius_mm"):
@@ -49,6 +54,11 @@ class FiberGrid:
         _check_array("origins", self.origins, np.int32, (count, 3))
         _check_array("density", self.density, np.float32, (count, BRICK_VOXELS))
         _check_array("direction", self.direction, np.float32, (count, BRICK_VOXELS, 3))
+        if (self.moment_diag is None) != (self.moment_off is None):
+            raise ValueError("of the second moment one half is missing")
+        for name in MOMENTS:
+            if getattr(self, name) is not None:
+                _check_array(name, getattr(self, name), np.float32, (count, BRICK_VOXELS, 3))
         _check_origins(self.origins)
 
     @property
@@ -197,6 +207,13 @@ def brick_digests(origins: np.ndarray, channels: Iterable[np.ndarray]) -> np.nda
             digest.update(channel[row].data)
         digests[row] = np.frombuffer(digest.digest(), dtype=np.uint8)
     return digests
+
+
+def empty_values(brick_count: int, channel: str) -> np.ndarray:
+    """Zeros for all voxels of so many bricks, float32, shape [brick_count, 512(, 3)]."""
+    width = CHANNELS[channel]
+    shape = (brick_count, BRICK_VOXELS) if width == 1 else (brick_count, BRICK_VOXELS, width)
+    return np.zeros(shape, dtype=np.float32)
 
 
 def occupied(density: np.ndarray) -> np.ndarray:

@@ -12,18 +12,18 @@ SCHEMA_VERSION = 2
 """Of the metadata that weft adds to both kinds."""
 
 
-GRID_NAMES = {"density": "density", "direction": "fiber_dir"}
+GRID_NAMES = {
+    "density": "density",
+    "direction": "fiber_dir",
+    "moment_diag": "moment_diag",
+    "moment_off": "moment_off",
+}
 """What the channels are called in files."""
 
 
 def grid_name(media: tuple[str, ...], medium: str, channel: str) -> str:
     """Name of the grid of a channel; plain, as other programs expect, for a single medium."""
     return GRID_NAMES[channel] if len(media) == 1 else f"{GRID_NAMES[channel]}_{medium}"
-
-
-def grid_names(media: tuple[str, ...], medium: str) -> tuple[str, str]:
-    """Names of the density and the direction grid."""
-    return grid_name(media, medium, "density"), grid_name(media, medium, "direction")
 
 
 def refuse_other_content(volume: FiberVolume, content_sha256: str, path: Path) -> None:

@@ -50,6 +50,8 @@ class TileSums:
     """Flat [brick, voxel, SUM_COUNT]; the brick index is (x * n + y) * n + z with n bricks per side."""
     used: wp.array(dtype=wp.uint8)
     """1 for each brick that received something."""
+    offsets: wp.array(dtype=wp.vec2)
+    """Where the lines that stand for a fiber pierce its cross-section [mm]; see coverage.py."""
 
 
 @wp.func
@@ -86,16 +88,17 @@ def crossing_at(start: wp.float32, inverse: wp.float32, voxel: int, last: int):
 
 
 @wp.func
-def accumulate_segment(tile: TileSums, a: wp.vec3, b: wp.vec3):
-    """Clip the segment from a to b [mm] against the voxel faces and add its pieces to the tile.
+def accumulate_line(tile: TileSums, a: wp.vec3, b: wp.vec3, step: wp.vec3, units: wp.float32):
+    """Clip the line from a to b [mm] against the voxel faces and add its pieces to the tile.
 
-    Every piece is computed from the whole segment, never from where it enters the tile, so that a piece has
-    the same bits whichever tile asks for it.
+    `step` is b - a before both were moved, `units` what a voxel size of length counts. Every piece is
+    computed from the whole segment, never from where it enters the tile, so that a piece has the same bits
+    whichever tile asks for it.
     """
     p = a * tile.inverse_voxel_size
     q = b * tile.inverse_voxel_size
     # not q - p: the difference of the points is exact, so that length is conserved far from the origin too
-    d = (b - a) * tile.inverse_voxel_size
+    d = step * tile.inverse_voxel_size
     ix = int(wp.floor(p[0]))
     iy = int(wp.floor(p[1]))
     iz = int(wp.floor(p[2]))
@@ -112,7 +115,7 @@ def accumulate_segment(tile: TileSums, a: wp.vec3, b: wp.vec3):
     t = d / length
     squares = wp.cw_mul(t, t)
     products = wp.vec3(t[0] * t[1], t[0] * t[2], t[1] * t[2])
-    length_units = length * _LENGTH_UNITS
+    length_units = length * units
     inverse = wp.vec3(1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
 
     next_x = crossing_at(p[0], inverse[0], ix, jx)
@@ -167,6 +170,44 @@ def clipped_length(a: wp.vec3, b: wp.vec3, low: wp.vec3d, high: wp.vec3d):
     return wp.length(d) * wp.max(leave - enter, wp.float64(0.0))
 
 
+@wp.func
+def line_offset(tile: TileSums, k: int, a: wp.vec3, b: wp.vec3):
+    """Line `k` of a segment lies this far from it [mm], at right angles. Frame after Duff et al. 2017."""
+    t = wp.normalize(b - a)
+    sign = wp.where(t[2] < 0.0, -1.0, 1.0)
+    c = -1.0 / (sign + t[2])
+    d = t[0] * t[1] * c
+    u = wp.vec3(1.0 + sign * t[0] * t[0] * c, sign * d, -sign * t[0])
+    v = wp.vec3(d, sign + t[1] * t[1] * c, -t[1])
+    return u * tile.offsets[k][0] + v * tile.offsets[k][1]
+
+
+@wp.func
+def accumulate_segment(tile: TileSums, a: wp.vec3, b: wp.vec3):
+    """Add a fiber's segment from a to b [mm] to the tile, as its lines."""
+    lines = tile.offsets.shape[0]
+    if lines == 1:
+        accumulate_line(tile, a, b, b - a, _LENGTH_UNITS)
+    else:
+        part = _LENGTH_UNITS / float(lines)
+        for k in range(lines):
+            o = line_offset(tile, k, a, b)
+            accumulate_line(tile, a + o, b + o, b - a, part)
+
+
+@wp.func
+def segment_length_within(tile: TileSums, a: wp.vec3, b: wp.vec3, low: wp.vec3d, high: wp.vec3d):
+    """Length [mm] of a segment inside a box, the mean of its lines'."""
+    lines = tile.offsets.shape[0]
+    if lines == 1:
+        return clipped_length(a, b, low, high)
+    total = wp.float64(0.0)
+    for k in range(lines):
+        o = line_offset(tile, k, a, b)
+        total += clipped_length(a + o, b + o, low, high)
+    return total / wp.float64(lines)
+
+
 @wp.kernel
 def accumulate_segments(
     tile: TileSums,
@@ -186,7 +227,7 @@ def accumulate_segments(
     b = segments[chosen[i], 1]
     accumulate_segment(tile, a, b)
     if measured[i] != wp.uint8(0):
-        length[i] = wp.int64(clipped_length(a, b, region_low, region_high) * _MEASURE_UNITS)
+        length[i] = wp.int64(segment_length_within(tile, a, b, region_low, region_high) * _MEASURE_UNITS)
 
 
 @wp.kernel
@@ -209,7 +250,7 @@ def accumulate_fibers(
         point = open_strand_point(tables, strand, k)
         accumulate_segment(tile, before, point)
         if measured[i] != wp.uint8(0):
-            total += clipped_length(before, point, region_low, region_high)
+            total += segment_length_within(tile, before, point, region_low, region_high)
         before = point
     length[i] = wp.int64(total * _MEASURE_UNITS)
 
@@ -288,8 +329,13 @@ def resolve_bricks(
     density_per_unit: wp.float64,
     density: wp.array2d(dtype=wp.float32),
     direction: wp.array2d(dtype=wp.vec3),
+    moment_diag: wp.array2d(dtype=wp.vec3),
+    moment_off: wp.array2d(dtype=wp.vec3),
 ):  # fmt: skip
-    """Density and direction of the listed bricks from their sums, which are cleared for the next tile."""
+    """Density and direction of the listed bricks from their sums, which are cleared for the next tile.
+
+    The second moment is written where its arrays are not empty.
+    """
     row, voxel = wp.tid()
     first = (bricks[row] * _BRICK_VOXELS + voxel) * _SUM_COUNT
     length = sums[first]
@@ -306,8 +352,14 @@ def resolve_bricks(
         direction[row, voxel] = hemisphere(
             wp.vec3(wp.float32(axis[0]), wp.float32(axis[1]), wp.float32(axis[2]))
         )
+        if moment_diag.shape[0] > 0:
+            moment_diag[row, voxel] = wp.vec3(wp.float32(xx), wp.float32(yy), wp.float32(zz))
+            moment_off[row, voxel] = wp.vec3(wp.float32(xy), wp.float32(xz), wp.float32(yz))
         for k in range(_SUM_COUNT):
             sums[first + k] = wp.int64(0)
     else:
         density[row, voxel] = 0.0
         direction[row, voxel] = wp.vec3(0.0, 0.0, 0.0)
+        if moment_diag.shape[0] > 0:
+            moment_diag[row, voxel] = wp.vec3(0.0, 0.0, 0.0)
+            moment_off[row, voxel] = wp.vec3(0.0, 0.0, 0.0)

@@ -20,8 +20,8 @@ import numpy as np
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
-from .grid import BRICK_SIZE, BRICK_VOXELS, FiberGrid, FiberVolume
-from .grid_files import SCHEMA_VERSION, grid_names, refuse_other_content
+from .grid import BRICK_SIZE, BRICK_VOXELS, CHANNELS, FiberGrid, FiberVolume
+from .grid_files import SCHEMA_VERSION, grid_name, refuse_other_content
 
 BLIND_NAME = b"weft"
 CLASS_UNKNOWN, CLASS_FOG_VOLUME = 0, 2
@@ -142,7 +142,12 @@ def read_volume(path: str | Path, *, verify: bool = True) -> FiberVolume:
         media.sort(key=lambda pair: pair[0]["medium_index"])
         by_name = {_header(grid)["name"].item().decode(): grid for grid in grids}
         volume = FiberVolume(
-            {about["medium"]: _to_grid(about, grid, by_name[about["direction"]]) for about, grid in media}
+            {
+                about["medium"]: _to_grid(
+                    about, {channel: by_name[name] for channel, name in about["channels"].items()}
+                )
+                for about, _ in media
+            }
         )
         expected = media[0][0]["content_sha256"]
     except (KeyError, ValueError, TypeError, IndexError) as error:
@@ -214,7 +219,7 @@ def _grid_hashes(path: Path) -> list[bytes]:
 
 def _plan_grids(volume: FiberVolume) -> Iterator[_PlannedGrid]:
     for index, (medium, grid) in enumerate(volume.grids.items()):
-        density, direction = grid_names(volume.media, medium)
+        names = {channel: grid_name(volume.media, medium, channel) for channel in grid.channels}
         about = {
             "schema_version": SCHEMA_VERSION,
             "content_sha256": volume.content_sha256,
@@ -224,10 +229,11 @@ def _plan_grids(volume: FiberVolume) -> Iterator[_PlannedGrid]:
             "brick_count": grid.brick_count,
             "medium": medium,
             "medium_index": index,
-            "direction": direction,
+            "channels": names,
         }
-        yield _PlannedGrid(density, CLASS_FOG_VOLUME, grid, grid.density, about)
-        yield _PlannedGrid(direction, CLASS_UNKNOWN, grid, grid.direction, None)
+        for channel, values in grid.channels.items():
+            kind, text = (CLASS_FOG_VOLUME, about) if channel == "density" else (CLASS_UNKNOWN, None)
+            yield _PlannedGrid(names[channel], kind, grid, values, text)
 
 
 def _build(plan: _PlannedGrid) -> np.ndarray:
@@ -315,17 +321,18 @@ def _blind_text(grid: np.ndarray) -> dict[str, Any]:
     return about
 
 
-def _to_grid(about: dict[str, Any], density: np.ndarray, direction: np.ndarray) -> FiberGrid:
-    scalars, vectors = _leaves(density, 1), _leaves(direction, 3)
+def _to_grid(about: dict[str, Any], grids: dict[str, np.ndarray]) -> FiberGrid:
+    """Of the file's grids, by channel."""
+    leaves = {channel: _leaves(grid, CHANNELS[channel]) for channel, grid in grids.items()}
     if not about["brick_count"]:
-        scalars, vectors = scalars[:0], vectors[:0]
-    order = np.lexsort(scalars["origin"].T[::-1])
-    if not np.array_equal(scalars["origin"][order], vectors["origin"][order]):
-        raise ValueError("density and fiber_dir have different leaves")
+        leaves = {channel: found[:0] for channel, found in leaves.items()}
+    origins = leaves["density"]["origin"]
+    order = np.lexsort(origins.T[::-1])
+    if not all(np.array_equal(origins[order], found["origin"][order]) for found in leaves.values()):
+        raise ValueError("the grids of a medium have different leaves")
     return FiberGrid(
         voxel_size_mm=float(about["voxel_size_mm"]),
         fiber_radius_mm=float(about["fiber_radius_mm"]),
-        origins=np.ascontiguousarray(scalars["origin"][order]),
-        density=np.ascontiguousarray(scalars["values"][order]),
-        direction=np.ascontiguousarray(vectors["values"][order]),
+        origins=np.ascontiguousarray(origins[order]),
+        **{channel: np.ascontiguousarray(found["values"][order]) for channel, found in leaves.items()},
     )

@@ -20,7 +20,7 @@ import numpy as np
 
 from weft.files.atomic import atomic_write
 
-from .grid import BRICK_VOXELS, CHANNELS, brick_digests, occupied
+from .grid import CHANNELS, brick_digests, empty_values, occupied
 
 if TYPE_CHECKING:
     from .accumulator import BrickBatch
@@ -150,13 +150,6 @@ class PartFolder:
             return part if _is_whole(file) else None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
-
-
-def empty_values(brick_count: int, channel: str) -> np.ndarray:
-    """Zeros for all voxels of so many bricks."""
-    width = CHANNELS[channel]
-    shape = (brick_count, BRICK_VOXELS) if width == 1 else (brick_count, BRICK_VOXELS, width)
-    return np.zeros(shape, dtype=np.float32)
 
 
 def _write_all(file: io.FileIO, data: bytes | memoryview) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from weft.files.errors import InputError
 
 from .config import VoxelizeConfig
+from .coverage import line_offsets
 from .memory import estimate_brick_count
 from .sources import Source
 from .tiles import TileWork, VoxelBox, clip_boxes, snap_region, tile_work, voxel_boxes
@@ -34,6 +35,9 @@ class TilePlan:
     region: VoxelBox
     tile_voxels: int
     jobs: list[TileJob]
+    lines: list[np.ndarray]
+    """Of each medium, as `fiber_lines`."""
+    second_moment: bool
 
 
 def checked_region(config: VoxelizeConfig, source: Source) -> VoxelBox:
@@ -66,21 +70,39 @@ def _corners(bounds: np.ndarray) -> list[list[float]]:
     ]
 
 
-def brick_bound(source: Source, voxel_size_mm: float, region: VoxelBox) -> float:
+def fiber_lines(config: VoxelizeConfig, source: Source) -> list[np.ndarray]:
+    """Of each medium, where the lines that stand for a fiber pierce its cross-section [mm], shape [n, 2]."""
+    if config.fiber_shape == "line":
+        return [np.zeros((1, 2), dtype=np.float32) for _ in source.media]
+    return [line_offsets(config.voxel_size_mm, radius) for radius in source.fiber_radius_mm]
+
+
+def _covered_bounds(config: VoxelizeConfig, source: Source) -> np.ndarray:
+    """Boxes [mm] around the items, shape [item_count, 2, 3], with all that the fibers cover."""
+    reach = [np.linalg.norm(offsets, axis=1).max() for offsets in fiber_lines(config, source)]
+    grown = np.array(reach, dtype=np.float32)[source.medium][:, None] * np.float32(1.001)
+    bounds = source.bounds_mm
+    return np.stack([bounds[:, 0] - grown, bounds[:, 1] + grown], axis=1)
+
+
+def brick_bound(config: VoxelizeConfig, source: Source, region: VoxelBox) -> float:
     """No more bricks than this can be occupied, all media together."""
-    bounds, medium = source.bounds_mm, source.medium
+    bounds, medium = _covered_bounds(config, source), source.medium
     return sum(
-        estimate_brick_count(bounds[medium == index], voxel_size_mm=voxel_size_mm, region=region)
+        estimate_brick_count(bounds[medium == index], voxel_size_mm=config.voxel_size_mm, region=region)
         for index in range(len(source.media))
     )
 
 
-def plan_tiles(source: Source, *, voxel_size_mm: float, region: VoxelBox, tile_voxels: int) -> TilePlan:
+def plan_tiles(config: VoxelizeConfig, source: Source, region: VoxelBox, tile_voxels: int) -> TilePlan:
     """Every tile that a stretch of a medium may touch."""
-    cost, bounds, jobs = source.cost, source.bounds_mm, []
+    cost, bounds, jobs = source.cost, _covered_bounds(config, source), []
     for medium in range(len(source.media)):
         members = np.flatnonzero(source.medium == medium)
-        for work in tile_work(bounds[members], voxel_size_mm=voxel_size_mm, region=region, tile=tile_voxels):
+        for work in tile_work(
+            bounds[members], voxel_size_mm=config.voxel_size_mm, region=region, tile=tile_voxels
+        ):
             items = members[work.items]
             jobs.append(TileJob(medium, replace(work, items=items), int(cost[items].sum())))
-    return TilePlan(voxel_size_mm, region, tile_voxels, jobs)
+    lines = fiber_lines(config, source)
+    return TilePlan(config.voxel_size_mm, region, tile_voxels, jobs, lines, config.second_moment)

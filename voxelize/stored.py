@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .grid import BRICK_SIZE, ContentOf, FiberGrid, FiberVolume, content_hash
-from .parts import PartFolder, TilePart, empty_values
+from .grid import BRICK_SIZE, ContentOf, FiberGrid, FiberVolume, content_hash, empty_values
+from .parts import PartFolder, TilePart
 
 
 @dataclass(frozen=True)

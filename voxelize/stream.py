@@ -73,7 +73,7 @@ def stream_source(
     """`voxelize_to_files` for any source."""
     began = time.perf_counter()
     size, region = config.voxel_size_mm, checked_region(config, source)
-    bricks = brick_bound(source, size, region)
+    bricks = brick_bound(config, source, region)
     if any(path.suffix == ".nvdb" for path in paths):
         refuse_what_does_not_fit(bricks, fixed_bytes=0, voxel_size_mm=size, memory_mb=config.memory_mb)
     tile_voxels, workers = fit_tiles(
@@ -83,7 +83,7 @@ def stream_source(
         workers=worker_count or len(os.sched_getaffinity(0)),
         memory_mb=config.memory_mb,
     )
-    plan = plan_tiles(source, voxel_size_mm=size, region=region, tile_voxels=tile_voxels)
+    plan = plan_tiles(config, source, region, tile_voxels)
     folder = PartFolder(parts_folder(paths[0]), _key(config, source, tile_voxels))
     parts = _finish_tiles(source, plan, folder, workers, _share(progress, 0.0, TILES_SHARE))
     volume = _join(source, plan, folder, parts)

@@ -21,8 +21,8 @@ import numpy as np
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
-from .grid import CHANNELS, FiberGrid, FiberVolume
-from .grid_files import SCHEMA_VERSION, grid_name, refuse_other_content
+from .grid import CHANNELS, MOMENTS, FiberGrid, FiberVolume
+from .grid_files import GRID_NAMES, SCHEMA_VERSION, grid_name, refuse_other_content
 from .openvdb_library import extension
 from .stored import StoredGrid, StoredVolume
 from .vdb_child import read_in_child
@@ -39,6 +39,8 @@ FILE_HASH = re.compile(rb"file_sha256\x06\0\0\0string\x40\0\0\0([0-9a-f]{64})")
 GRID_KINDS: dict[str, dict[str, str]] = {
     "density": {"grid_class": "fog volume"},
     "direction": {"vector_type": "contravariant relative"},
+    "moment_diag": {},
+    "moment_off": {},
 }
 """How each channel is to be taken by other programs."""
 FILE_HASH_WITHIN = 4096
@@ -204,7 +206,11 @@ def _to_volume(grids: list[dict[str, Any]], path: Path, *, verify: bool = True) 
         volume = FiberVolume(
             {
                 str(grid["metadata"]["medium"]): _to_grid(
-                    grid, by_name[grid["name"].replace("density", "fiber_dir", 1)]
+                    {
+                        channel: by_name[grid["name"].replace("density", name, 1)]
+                        for channel, name in GRID_NAMES.items()
+                        if channel not in MOMENTS or grid["name"].replace("density", name, 1) in by_name
+                    }
                 )
                 for grid in densities
             }
@@ -217,21 +223,22 @@ def _to_volume(grids: list[dict[str, Any]], path: Path, *, verify: bool = True) 
     return volume
 
 
-def _to_grid(density: dict[str, Any], direction: dict[str, Any]) -> FiberGrid:
-    metadata = density["metadata"]
+def _to_grid(channels: dict[str, dict[str, Any]]) -> FiberGrid:
+    """Of the file's grids, by channel."""
+    density = channels["density"]
+    metadata, leaves = density["metadata"], density["leaves"]
     if metadata["schema_version"] != SCHEMA_VERSION:
         raise ValueError(f"schema_version is {metadata['schema_version']}; this weft reads {SCHEMA_VERSION}")
-    leaves, directions = density["leaves"], direction["leaves"]
-    if not np.array_equal(leaves["origins"], directions["origins"]):
-        raise ValueError("density and fiber_dir have different leaves")
+    for channel, other in channels.items():
+        if not np.array_equal(leaves["origins"], other["leaves"]["origins"]):
+            raise ValueError(f"density and {GRID_NAMES[channel]} have different leaves")
     grid = FiberGrid(
         voxel_size_mm=_voxel_size(density["index_to_world"]),
         fiber_radius_mm=float(metadata["fiber_radius_mm"]),
         origins=leaves["origins"],
-        density=leaves["values"],
-        direction=directions["values"],
+        **{channel: other["leaves"]["values"] for channel, other in channels.items()},
     )
-    if not np.array_equal(leaves["masks"], grid.masks) or not np.array_equal(directions["masks"], grid.masks):
+    if not all(np.array_equal(other["leaves"]["masks"], grid.masks) for other in channels.values()):
         raise ValueError("the active voxels are not those with a density")
     return grid
 

@@ -19,7 +19,7 @@ from weft.files.errors import InputError
 from .accumulator import BrickBatch, accumulator_bytes
 from .config import VoxelizeConfig
 from .fill import Progress, fill_tiles
-from .grid import BRICK_VOXELS, FiberGrid, FiberVolume
+from .grid import CHANNELS, MOMENTS, FiberGrid, FiberVolume, empty_values
 from .memory import refuse_what_does_not_fit
 from .plan import TileJob, brick_bound, checked_region, plan_tiles
 from .report import VoxelizeReport
@@ -69,14 +69,12 @@ def voxelize_source(
     workers = worker_count or len(os.sched_getaffinity(0))
     region = checked_region(config, source)
     refuse_what_does_not_fit(
-        brick_bound(source, config.voxel_size_mm, region),
+        brick_bound(config, source, region),
         fixed_bytes=workers * accumulator_bytes(config.tile_voxels),
         voxel_size_mm=config.voxel_size_mm,
         memory_mb=config.memory_mb,
     )
-    plan = plan_tiles(
-        source, voxel_size_mm=config.voxel_size_mm, region=region, tile_voxels=config.tile_voxels
-    )
+    plan = plan_tiles(config, source, region, config.tile_voxels)
     results = fill_tiles(
         source, plan, lambda _, batch, length: (batch, length), workers=workers, progress=progress
     )
@@ -99,21 +97,21 @@ def _join(
     order = np.lexsort((origins[:, 2], origins[:, 1], origins[:, 0]))
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    density = np.empty((len(origins), BRICK_VOXELS), dtype=np.float32)
-    direction = np.empty((len(origins), BRICK_VOXELS, 3), dtype=np.float32)
+    names = [name for name in CHANNELS if name not in MOMENTS or config.second_moment]
+    arrays = {name: empty_values(len(origins), name) for name in names}
     begin = 0
-    empty = BrickBatch(origins[:0], density[:0], direction[:0])
+    empty = BrickBatch(origins[:0], empty_values(0, "density"), empty_values(0, "direction"))
     for i in chosen:
         batch, batches[i] = batches[i], empty
         rows = place[begin : begin + len(batch.origins)]
-        density[rows], direction[rows] = batch.density, batch.direction
+        for name, values in batch.channels.items():
+            arrays[name][rows] = values
         begin += len(batch.origins)
     return FiberGrid(
         voxel_size_mm=config.voxel_size_mm,
         fiber_radius_mm=fiber_radius_mm,
         origins=np.ascontiguousarray(origins[order]),
-        density=density,
-        direction=direction,
+        **arrays,
     )
 
 
