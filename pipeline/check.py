@@ -79,17 +79,20 @@ def _memory(job: Job, yarns: YarnSet) -> Iterator[str]:
 
 def _estimate(job: Job, fibers: FiberSet) -> str:
     """At most how much memory the grid takes. Raises `InputError` where that is more than there is."""
-    from weft.voxelize.memory import BRICK_BYTES, estimate_brick_count, refuse_what_does_not_fit
+    from weft.voxelize.memory import BRICK_BYTES, fit_tiles
+    from weft.voxelize.plan import brick_bound, checked_region
     from weft.voxelize.sources import FiberSource
-    from weft.voxelize.tiles import snap_region
 
-    config, source = job.table("voxelize"), FiberSource(fibers)
-    size, region = config.voxel_size_mm, snap_region(config.region_mm, config.voxel_size_mm)
-    bricks = sum(
-        estimate_brick_count(source.bounds_mm[source.medium == medium], voxel_size_mm=size, region=region)
-        for medium in range(len(source.media))
+    source = FiberSource(fibers)
+    config = job.table("voxelize").sized(source.fiber_radius_mm)
+    bricks = brick_bound(config, source, checked_region(config, source))
+    fit_tiles(
+        bricks,
+        voxel_size_mm=config.size_mm,
+        tile_voxels=config.tile_voxels,
+        workers=1,
+        memory_mb=config.memory_mb,
     )
-    refuse_what_does_not_fit(bricks, fixed_bytes=0, voxel_size_mm=size, memory_mb=config.memory_mb)
     return f"at most {bricks:,.0f} bricks, {bricks * BRICK_BYTES / 2**20:,.0f} MiB"
 
 

@@ -113,14 +113,29 @@ def fibers(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions =
 
 
 @app.command
-def voxelize(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+def voxelize(
+    job: Path,
+    *,
+    plan: Annotated[bool, Parameter(negative=())] = False,
+    options: JobOptions = NO_JOB_OPTIONS,
+    how: RunOptions = NO_RUN_OPTIONS,
+) -> None:
     """Make the sparse grid of fiber density and direction. Writes volume.vdb or volume.nvdb.
 
     Parameters
     ----------
     job
         The TOML file of the job.
+    plan
+        Only say how many bricks and bytes it will make and how long that will take.
     """
+    if plan:
+        from .config import load
+        from .stages import plan_volume
+
+        for line in plan_volume(load(job, options.overrides, options.output)):
+            print(line)
+        return
     _run_stage("voxelize", job, options, how)
 
 

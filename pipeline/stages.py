@@ -108,6 +108,17 @@ def make_volume(work: StageWork) -> dict[str, Any]:
     }
 
 
+def plan_volume(job: Job) -> list[str]:
+    """What `voxelize` would make, in a few lines, from the yarns that are there."""
+    from weft.voxelize.outlook import foresee
+
+    from .run import input_files
+
+    refuse_unwritable_formats(job)
+    work = StageWork(job, input_files(CHAIN["voxelize"], job, CHAIN), {}, lambda fraction, detail: None)
+    return foresee(job.table("voxelize"), fiber_set(work)).lines()
+
+
 def make_scattering(work: StageWork) -> dict[str, Any]:
     from .scattering_file import EVERY_MEDIUM, write_scattering
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 Corner = tuple[float, float, float]
 
@@ -14,16 +15,18 @@ class VoxelizeConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
-    voxel_size_mm: float = Field(ge=1e-6, le=1000)
-    """Edge of a voxel. Memory grows as it shrinks; below the fiber diameter the density turns spiky."""
+    voxel_size_mm: float | None = Field(default=None, ge=1e-6, le=1000)
+    """Edge of a voxel. Files and time grow as it shrinks."""
+    voxels_per_fiber_diameter: float | None = Field(default=None, gt=0, le=100)
+    """In place of voxel_size_mm: so many voxels across the thinnest fiber; 0.2 is five diameters a voxel."""
     region_mm: tuple[Corner, Corner] | None = None
     """Only what lies in this box, [[x0, y0, z0], [x1, y1, z1]], widened to whole voxels. Default: all."""
     memory_mb: float | None = Field(default=None, gt=0)
     """Memory that the whole process may hold; tiles go to the disk as they are done, 320 bytes a brick stay.
     Default: what the machine has free."""
     fiber_shape: Literal["cylinder", "line"] = "cylinder"
-    """How fibers fill voxels below four fiber radii; above, both are the same. "line" is quicker, and many times
-    too dense where voxels are thinner than a fiber."""
+    """How fibers fill voxels below four fiber radii; above, both are the same. "line" is quicker, and many
+    times too dense where voxels are thinner than a fiber."""
     second_moment: bool = False
     """Also store T, the mean of t t^T over the fiber directions t, as the grids moment_diag (xx, yy, zz) and
     moment_off (xy, xz, yz)."""
@@ -46,3 +49,23 @@ class VoxelizeConfig(BaseModel):
         if len(set(formats)) < len(formats):
             raise ValueError(f"a format is named twice: {list(formats)}")
         return formats
+
+    @model_validator(mode="after")
+    def _size_is_given_once(self) -> VoxelizeConfig:
+        if (self.voxel_size_mm is None) == (self.voxels_per_fiber_diameter is None):
+            raise ValueError("give either voxel_size_mm or voxels_per_fiber_diameter")
+        return self
+
+    @property
+    def size_mm(self) -> float:
+        """Edge of a voxel, of a config that names it or that `sized` returned [mm]."""
+        if self.voxel_size_mm is None:
+            raise ValueError("the voxel size follows from the fibers; see VoxelizeConfig.sized")
+        return self.voxel_size_mm
+
+    def sized(self, fiber_radius_mm: Sequence[float]) -> VoxelizeConfig:
+        """The same with its voxel size in mm, for fibers of these radii."""
+        if self.voxels_per_fiber_diameter is None:
+            return self
+        size = 2 * min(fiber_radius_mm) / self.voxels_per_fiber_diameter
+        return self.model_copy(update={"voxel_size_mm": size, "voxels_per_fiber_diameter": None})

@@ -42,7 +42,7 @@ class TilePlan:
 
 def checked_region(config: VoxelizeConfig, source: Source) -> VoxelBox:
     """The region in voxels. Refuses what is not finite, empty, or lies too far out for its voxels."""
-    bounds, size = source.bounds_mm, config.voxel_size_mm
+    bounds, size = source.bounds_mm, config.size_mm
     region = snap_region(config.region_mm, size)
     if not np.isfinite(bounds).all():
         raise InputError("voxelize: fiber positions are not finite numbers.", hint="Check the yarns.")
@@ -74,7 +74,7 @@ def fiber_lines(config: VoxelizeConfig, source: Source) -> list[np.ndarray]:
     """Of each medium, where the lines that stand for a fiber pierce its cross-section [mm], shape [n, 2]."""
     if config.fiber_shape == "line":
         return [np.zeros((1, 2), dtype=np.float32) for _ in source.media]
-    return [line_offsets(config.voxel_size_mm, radius) for radius in source.fiber_radius_mm]
+    return [line_offsets(config.size_mm, radius) for radius in source.fiber_radius_mm]
 
 
 def _covered_bounds(config: VoxelizeConfig, source: Source) -> np.ndarray:
@@ -89,7 +89,7 @@ def brick_bound(config: VoxelizeConfig, source: Source, region: VoxelBox) -> flo
     """No more bricks than this can be occupied, all media together."""
     bounds, medium = _covered_bounds(config, source), source.medium
     return sum(
-        estimate_brick_count(bounds[medium == index], voxel_size_mm=config.voxel_size_mm, region=region)
+        estimate_brick_count(bounds[medium == index], voxel_size_mm=config.size_mm, region=region)
         for index in range(len(source.media))
     )
 
@@ -99,10 +99,8 @@ def plan_tiles(config: VoxelizeConfig, source: Source, region: VoxelBox, tile_vo
     cost, bounds, jobs = source.cost, _covered_bounds(config, source), []
     for medium in range(len(source.media)):
         members = np.flatnonzero(source.medium == medium)
-        for work in tile_work(
-            bounds[members], voxel_size_mm=config.voxel_size_mm, region=region, tile=tile_voxels
-        ):
+        for work in tile_work(bounds[members], voxel_size_mm=config.size_mm, region=region, tile=tile_voxels):
             items = members[work.items]
             jobs.append(TileJob(medium, replace(work, items=items), int(cost[items].sum())))
     lines = fiber_lines(config, source)
-    return TilePlan(config.voxel_size_mm, region, tile_voxels, jobs, lines, config.second_moment)
+    return TilePlan(config.size_mm, region, tile_voxels, jobs, lines, config.second_moment)

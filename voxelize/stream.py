@@ -72,7 +72,8 @@ def stream_source(
 ) -> VolumeOnDisk:
     """`voxelize_to_files` for any source."""
     began = time.perf_counter()
-    size, region = config.voxel_size_mm, checked_region(config, source)
+    config = config.sized(source.fiber_radius_mm)
+    size, region = config.size_mm, checked_region(config, source)
     bricks = brick_bound(config, source, region)
     if any(path.suffix == ".nvdb" for path in paths):
         refuse_what_does_not_fit(bricks, fixed_bytes=0, voxel_size_mm=size, memory_mb=config.memory_mb)
@@ -85,8 +86,8 @@ def stream_source(
     )
     plan = plan_tiles(config, source, region, tile_voxels)
     folder = PartFolder(parts_folder(paths[0]), _key(config, source, tile_voxels))
-    parts = _finish_tiles(source, plan, folder, workers, _share(progress, 0.0, TILES_SHARE))
-    volume = _join(source, plan, folder, parts)
+    parts = finish_tiles(source, plan, folder, workers, _share(progress, 0.0, TILES_SHARE))
+    volume = join_tiles(source, plan, folder, parts)
     for i, path in enumerate(paths):
         if progress is not None:
             progress(TILES_SHARE + (1 - TILES_SHARE) * i / len(paths), f"writing {path.name}")
@@ -109,22 +110,29 @@ def _key(config: VoxelizeConfig, source: Source, tile_voxels: int) -> str:
     return fingerprint([("config", settings), ("source", source.fingerprint()), ("code", code_fingerprint())])
 
 
-def _finish_tiles(
-    source: Source, plan: TilePlan, folder: PartFolder, workers: int, progress: Progress | None
+def finish_tiles(
+    source: Source,
+    plan: TilePlan,
+    folder: PartFolder,
+    workers: int,
+    progress: Progress | None,
+    chosen: Sequence[int] | None = None,
 ) -> list[TilePart]:
-    """Every tile's part, those that were there and those made now, in the order of the plan."""
+    """The part of every tile, or of the chosen ones: those that were there, and those made now."""
     there = folder.open()
 
     def keep(number: int, batch: BrickBatch, length: int) -> TilePart:
         return folder.write(number, plan.jobs[number].medium, batch, length)
 
-    missing = [number for number in range(len(plan.jobs)) if number not in there]
+    numbers = range(len(plan.jobs)) if chosen is None else chosen
+    missing = [number for number in numbers if number not in there]
     made = fill_tiles(source, plan, keep, workers=workers, progress=progress, chosen=missing)
     parts = there | {part.number: part for part in made}
-    return [parts[number] for number in range(len(plan.jobs))]
+    return [parts[number] for number in numbers]
 
 
-def _join(source: Source, plan: TilePlan, folder: PartFolder, parts: list[TilePart]) -> StoredVolume:
+def join_tiles(source: Source, plan: TilePlan, folder: PartFolder, parts: list[TilePart]) -> StoredVolume:
+    """The volume in finished tiles."""
     return StoredVolume(
         {
             name: join_parts(

@@ -66,12 +66,13 @@ def voxelize_source(
 ) -> FiberVolume:
     """Plan the tiles, check that the result fits, fill them, and join their bricks."""
     began = time.perf_counter()
+    config = config.sized(source.fiber_radius_mm)
     workers = worker_count or len(os.sched_getaffinity(0))
     region = checked_region(config, source)
     refuse_what_does_not_fit(
         brick_bound(config, source, region),
         fixed_bytes=workers * accumulator_bytes(config.tile_voxels),
-        voxel_size_mm=config.voxel_size_mm,
+        voxel_size_mm=config.size_mm,
         memory_mb=config.memory_mb,
     )
     plan = plan_tiles(config, source, region, config.tile_voxels)
@@ -108,7 +109,7 @@ def _join(
             arrays[name][rows] = values
         begin += len(batch.origins)
     return FiberGrid(
-        voxel_size_mm=config.voxel_size_mm,
+        voxel_size_mm=config.size_mm,
         fiber_radius_mm=fiber_radius_mm,
         origins=np.ascontiguousarray(origins[order]),
         **arrays,

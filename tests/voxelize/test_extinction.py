@@ -1,6 +1,6 @@
 """What the stored numbers say of light: extinction of bundles by direction and by second moment.
 
-The truth, for fibers of radius a and line densities lambda_i: sigma_t(w) = 2 a sum lambda_i sin(w, t_i).
+For fibers of radius a and line densities lambda_i the truth is 2 a sum lambda_i sin(angle(w, t_i)).
 """
 
 from __future__ import annotations
