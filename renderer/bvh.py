@@ -66,6 +66,13 @@ def build_bvh(lower: np.ndarray, upper: np.ndarray) -> Bvh:
     return Bvh(box_lower, box_upper, first, count, _thread(child, box_lower + box_upper), order)
 
 
+def empty_bvh() -> Bvh:
+    """Of nothing: one node, which is the last, with a box that no ray meets."""
+    nothing = np.zeros(1, int)
+    links = np.full((1, DIRECTIONS, 2), END, np.uint32)
+    return Bvh(np.full((1, 3), 1e30), np.full((1, 3), -1e30), nothing, nothing, links, nothing[:0])
+
+
 def _span_bounds(
     lower: np.ndarray, upper: np.ndarray, starts: np.ndarray, ends: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

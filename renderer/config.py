@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from weft.files.input_file import InputFile
 
+from .light_config import DiskLight, PointLight, QuadLight, SpotLight
 from .settings import Color, Settings, Vector
 from .surface_config import GroundSurface, MeshSurface
 
@@ -152,7 +153,16 @@ Camera = Annotated[PerspectiveCamera | OrthographicCamera, Field(discriminator="
 Surface = Annotated[MeshSurface | GroundSurface, Field(discriminator="kind")]
 PixelFilter = Annotated[BoxFilter | GaussianFilter | LanczosFilter, Field(discriminator="kind")]
 Light = Annotated[
-    ConstantLight | EnvironmentLight | DirectionalLight | StudioLight | SkyLight, Field(discriminator="kind")
+    ConstantLight
+    | EnvironmentLight
+    | DirectionalLight
+    | StudioLight
+    | SkyLight
+    | PointLight
+    | SpotLight
+    | QuadLight
+    | DiskLight,
+    Field(discriminator="kind"),
 ]
 
 

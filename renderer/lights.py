@@ -16,8 +16,18 @@ MAX_DIRECTIONAL_LIGHTS = 16
 
 
 @dataclass(frozen=True)
+class LocalValues:
+    """Of lights that stand somewhere; float64, shape [n, 3]."""
+
+    values: np.ndarray
+    """Radiance, or irradiance at a distance of one voxel."""
+    fluence: np.ndarray
+    """About how much of it reaches the scene."""
+
+
+@dataclass(frozen=True)
 class LightTable:
-    """Entries of texels, then of directional lights; each is chosen in proportion to its luminous fluence."""
+    """Entries of texels, of directional lights, of local ones; each is chosen by its luminous fluence."""
 
     environment: np.ndarray
     """Radiance, float32, shape [rows, 2 rows, 3]."""
@@ -27,8 +37,11 @@ class LightTable:
     """(radiance or irradiance, pdf [1/sr] or chance), (threshold, alias as bits, 0, 0); float32, [n, 8]."""
 
 
-def build_light_table(lights: Sequence[Light], camera_axes: np.ndarray) -> LightTable:
+def build_light_table(
+    lights: Sequence[Light], camera_axes: np.ndarray, local: LocalValues | None = None
+) -> LightTable:
     """The table of all lights. `camera_axes`: rows right, up, toward the camera."""
+    local = local or LocalValues(np.zeros((0, 3)), np.zeros((0, 3)))
     environment = build_environment(lights, camera_axes)
     directional = [light for light in lights if isinstance(light, DirectionalLight)]
     if len(directional) > MAX_DIRECTIONAL_LIGHTS:
@@ -38,9 +51,10 @@ def build_light_table(lights: Sequence[Light], camera_axes: np.ndarray) -> Light
     rows = len(environment)
     solid_angle = np.repeat(texel_solid_angles(rows), 2 * rows)
     irradiance = np.array([light.irradiance for light in directional]).reshape(-1, 3)
-    values = np.concatenate([environment.reshape(-1, 3), irradiance]).astype(np.float64)
-    measure = np.concatenate([solid_angle, np.ones(len(directional))])
-    fluence = values @ LUMINANCE * measure
+    values = np.concatenate([environment.reshape(-1, 3), irradiance, local.values]).astype(np.float64)
+    measure = np.concatenate([solid_angle, np.ones(len(directional) + len(local.values))])
+    far = len(values) - len(local.values)
+    fluence = np.concatenate([values[:far] @ LUMINANCE * measure[:far], local.fluence @ LUMINANCE])
     # a black scene still needs a table; its entries carry nothing
     probability = fluence / fluence.sum() if fluence.sum() > 0 else np.full(len(fluence), 1 / len(fluence))
     threshold, alias = alias_table(probability)

@@ -12,6 +12,8 @@ from weft.files.errors import InputError
 
 from .surface_config import GroundSurface, MeshSurface, Placement
 
+TRIANGLE, PARALLELOGRAM, DISK = 0, 1, 2
+"""What the edges from the first corner to the two others span; lights are not triangles."""
 DEGENERATE = 1e-12
 """Area [relative to the longest edge squared] below which a triangle has no direction and is left out."""
 
@@ -28,6 +30,8 @@ class Triangles:
     """Shape [triangle_count, 3, 2]; zero where the file has none."""
     material: np.ndarray
     """Index, int, shape [triangle_count]."""
+    shape: np.ndarray
+    """TRIANGLE, PARALLELOGRAM or DISK, int, same shape."""
 
     def __len__(self) -> int:
         return len(self.corners)
@@ -35,7 +39,7 @@ class Triangles:
 
 def joined(parts: Sequence[Triangles]) -> Triangles:
     """All triangles together."""
-    names = ("corners", "normals", "uvs", "material")
+    names = ("corners", "normals", "uvs", "material", "shape")
     return Triangles(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
@@ -74,6 +78,7 @@ def load_mesh(path: Path) -> Triangles:
         corners[kept],
         _vertex_normals(np.asarray(mesh.vertex_normals, np.float64)[faces], corners[kept]),
         np.nan_to_num(uvs[faces]),
+        np.zeros(len(faces), int),
         np.zeros(len(faces), int),
     )
 
@@ -122,7 +127,7 @@ def ground_triangles(surface: GroundSurface, bounds_mm: np.ndarray, material: in
     uvs = signs * size / surface.texture_size_mm + 0.5
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     normals = np.broadcast_to(normal, (2, 3, 3))
-    return Triangles(corners[faces], normals, uvs[faces], np.full(2, material))
+    return Triangles(corners[faces], normals, uvs[faces], np.full(2, material), np.zeros(2, int))
 
 
 def _vertex_normals(normals: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from .camera import CameraFrame, place_camera
 from .config import RenderConfig
 from .film import FILM_LAYERS, SURFACE_FILM_LAYERS
 from .gpu.shader_source import Constant
-from .lights import LightTable, build_light_table
+from .lights import LightTable, LocalValues, build_light_table
+from .local_lights import LOCAL_ROWS, LocalLight, fluence_at, light_rows, light_values, local_lights
 from .pixel_filter import CELLS, KINDS, filter_uniforms
 from .scattering_block import pack_scattering, pack_symmetric_tables
 from .surfaces import SurfaceTable, build_surface_table
@@ -62,6 +63,8 @@ class Scene:
     light_table: LightTable
     phase: PhaseTable
     surfaces: SurfaceTable | None = None
+    local_lights: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.float32))
+    """Places of the lights that stand somewhere, four rows each; float32, shape [n, 4]."""
 
     @property
     def film_layers(self) -> int:
@@ -71,7 +74,7 @@ class Scene:
     @property
     def tables(self) -> np.ndarray:
         """Lights, then surfaces: one buffer, because OpenGL 4.3 guarantees no more; float32, [rows, 4]."""
-        lights = self.light_table.entries.reshape(-1, 4)
+        lights = np.concatenate([self.light_table.entries.reshape(-1, 4), self.local_lights])
         return lights if self.surfaces is None else np.concatenate([lights, self.surfaces.rows])
 
     @property
@@ -95,6 +98,7 @@ class Scene:
             "SAMPLE_PHASE": self.config.sampling != "lights",
             "RANDOM_PHILOX": 0,
             "SURFACES": self.surfaces is not None,
+            "LOCAL_LIGHTS": len(self.local_lights) > 0,
             **({} if self.surfaces is None else {"SURFACE_TEXTURES": self.surfaces.textured}),
             "CAMERA_LENS": self.camera.aperture_radius > 0,
             **self._filter_constants(),
@@ -104,8 +108,10 @@ class Scene:
     def _surface_uniforms(self) -> dict[str, int]:
         if self.surfaces is None:
             return {}
-        first = 2 * len(self.light_table.entries)
-        return {f"surface_{name}": first + row for name, row in self.surfaces.offsets.items()}
+        entries, local = len(self.light_table.entries), len(self.local_lights)
+        first = 2 * entries + local
+        rows = {f"surface_{name}": first + row for name, row in self.surfaces.offsets.items()}
+        return rows | {"local_lights": 2 * entries, "local_first": entries - local // LOCAL_ROWS}
 
     def _filter_constants(self) -> dict[str, Constant]:
         kind = KINDS[self.config.filter.kind]
@@ -118,6 +124,7 @@ class Scene:
             "generated/phase.glsl": f'#include "{self.phase.piece}"\n',
             "generated/phase_block.glsl": self.phase.block,
             "generated/surfaces.glsl": "" if self.surfaces is None else SURFACE_PIECE,
+            "generated/local_lights.glsl": '#include "light/local.glsl"\n' if len(self.local_lights) else "",
             "generated/texture.glsl": '#include "surface/texture.glsl"\n',
             "generated/lens.glsl": LENS_PIECE if self.camera.aperture_radius > 0 else "",
             "generated/filter.glsl": "" if self.config.filter.kind == "box" else FILTER_PIECE,
@@ -165,8 +172,17 @@ def build_scene(config: RenderConfig, volume: FiberVolume, scattering: Mapping[s
     pool = build_brick_pool(list(volume.grids.values()))
     bounds = np.asarray(volume.bounds_mm)
     camera = place_camera(config.camera, bounds, config.resolution)
-    surfaces = build_surface_table(config.surfaces, bounds, pool.corner_mm, pool.voxel_size_mm)
-    return Scene(config, pool, camera, build_light_table(config.lights, camera.axes), phase, surfaces)
+    local = local_lights(config.lights, bounds.mean(axis=0))
+    surfaces = build_surface_table(config.surfaces, local, bounds, pool.corner_mm, pool.voxel_size_mm)
+    table = build_light_table(config.lights, camera.axes, _local_values(local, bounds, pool.voxel_size_mm))
+    rows = light_rows(local, pool.corner_mm, pool.voxel_size_mm)
+    return Scene(config, pool, camera, table, phase, surfaces, rows)
+
+
+def _local_values(local: list[LocalLight], bounds: np.ndarray, voxel_size_mm: float) -> LocalValues:
+    middle, radius = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0))) / 2
+    fluence = np.array([fluence_at(light, middle, radius) for light in local]).reshape(-1, 3)
+    return LocalValues(light_values(local, voxel_size_mm), fluence)
 
 
 def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scattering]) -> PhaseTable:

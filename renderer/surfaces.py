@@ -10,8 +10,9 @@ import numpy as np
 
 from weft.files.errors import InputError
 
-from .bvh import Bvh, build_bvh
-from .mesh import Triangles, ground_triangles, joined, mesh_triangles
+from .bvh import Bvh, build_bvh, empty_bvh
+from .local_lights import LocalLight, light_shapes
+from .mesh import TRIANGLE, Triangles, ground_triangles, joined, mesh_triangles
 from .surface_config import GroundSurface, Material, Surface
 
 NODE_ROWS = 5
@@ -33,26 +34,30 @@ class SurfaceTable:
 
 
 def build_surface_table(
-    surfaces: Sequence[Surface], bounds_mm: np.ndarray, corner_mm: np.ndarray, voxel_size_mm: float
+    surfaces: Sequence[Surface],
+    lights: Sequence[LocalLight],
+    bounds_mm: np.ndarray,
+    corner_mm: np.ndarray,
+    voxel_size_mm: float,
 ) -> SurfaceTable | None:
-    """Geometry in voxels from `corner_mm`; none where there are no surfaces. `bounds_mm`: of the volume."""
-    if not surfaces:
+    """Geometry in voxels from `corner_mm`; none where nothing can end a ray. `bounds_mm`: of the volume."""
+    if not surfaces and not lights:
         return None
-    triangles = joined(
-        [
-            ground_triangles(surface, bounds_mm, index)
-            if isinstance(surface, GroundSurface)
-            else mesh_triangles(surface, index)
-            for index, surface in enumerate(surfaces)
-        ]
-    )
-    # boxes of what the device sees, which is rounded to 32 bits
+    meshes = [
+        ground_triangles(surface, bounds_mm, index)
+        if isinstance(surface, GroundSurface)
+        else mesh_triangles(surface, index)
+        for index, surface in enumerate(surfaces)
+    ]
+    triangles = joined([*meshes, light_shapes(lights, len(surfaces))])
+    # what the device sees, which is rounded to 32 bits
     corners = ((triangles.corners - corner_mm) / voxel_size_mm).astype(np.float32).astype(np.float64)
-    bvh = build_bvh(corners.min(axis=1), corners.max(axis=1))
+    bvh = _hierarchy(corners, triangles.shape)
     materials, texels = _material_rows([surface.material for surface in surfaces])
+    materials = np.concatenate([materials, _light_materials(len(lights))])
     parts = {
         "nodes": _node_rows(bvh),
-        "triangles": _triangle_rows(corners[bvh.order], triangles.material[bvh.order]),
+        "triangles": _triangle_rows(corners, triangles, bvh.order),
         "attributes": _attribute_rows(triangles, bvh.order),
         "materials": materials,
         "texels": texels,
@@ -64,6 +69,28 @@ def build_surface_table(
     )
 
 
+def _hierarchy(corners: np.ndarray, shape: np.ndarray) -> Bvh:
+    """Over triangles and shapes with a fourth corner; of nothing, a box that no ray meets."""
+    if not len(corners):
+        return empty_bvh()
+    # a triangle's first corner twice does not change its box
+    fourth = np.where(shape == TRIANGLE, 0, 1)[:, None] * (corners[:, 1] + corners[:, 2] - 2 * corners[:, 0])
+    hull = np.concatenate([corners, corners[:, :1] + fourth[:, None]], axis=1)
+    # outward by an ulp where the shader's sum of two edges rounds differently
+    lower, upper = hull.min(axis=1).astype(np.float32), hull.max(axis=1).astype(np.float32)
+    nonflat = (shape != TRIANGLE)[:, None]
+    lower = np.where(nonflat, np.nextafter(lower, np.float32(-np.inf)), lower)
+    upper = np.where(nonflat, np.nextafter(upper, np.float32(np.inf)), upper)
+    return build_bvh(lower.astype(np.float64), upper.astype(np.float64))
+
+
+def _light_materials(count: int) -> np.ndarray:
+    """One for each light: (0, 0, 0, 1 + its index)."""
+    rows = np.zeros((count, MATERIAL_ROWS, 4), np.float32)
+    rows[:, 0, 3] = _bits(np.arange(1, count + 1))
+    return rows.reshape(-1, 4)
+
+
 def _node_rows(bvh: Bvh) -> np.ndarray:
     """(lower, first triangle), (upper, triangle count), links of two directions in each of three."""
     rows = np.empty((len(bvh.first), NODE_ROWS, 4), np.float32)
@@ -73,11 +100,12 @@ def _node_rows(bvh: Bvh) -> np.ndarray:
     return rows.reshape(-1, 4)
 
 
-def _triangle_rows(corners: np.ndarray, material: np.ndarray) -> np.ndarray:
-    """(corner, material), (first edge, 0), (second edge, 0)."""
+def _triangle_rows(corners: np.ndarray, triangles: Triangles, order: np.ndarray) -> np.ndarray:
+    """(corner, material), (first edge, shape), (second edge, 0)."""
     rows = np.zeros((len(corners), TRIANGLE_ROWS, 4), np.float32)
-    rows[:, 0, :3], rows[:, 0, 3] = corners[:, 0], _bits(material)
-    rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
+    rows[:, 0, :3], rows[:, 0, 3] = corners[order, 0], _bits(triangles.material[order])
+    rows[:, 1:, :3] = corners[order, 1:] - corners[order, :1]
+    rows[:, 1, 3] = triangles.shape[order]
     return rows.reshape(-1, 4)
 
 

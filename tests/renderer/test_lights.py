@@ -23,7 +23,7 @@ uniform ivec2 environment_size;
 uniform uint light_count;
 uniform vec4 directional_lights[16];
 vec3 sample_light(uvec2 choice, vec2 u, out vec3 value, out float pdf) {
-    LightSample s = light_sample(choice, u);
+    LightSample s = light_sample(choice, u, vec3(0.0));
     value = s.value;
     pdf = s.pdf;
     return s.direction;
@@ -46,6 +46,7 @@ def light_probe(table, signature):
         prelude=pieces[0] + '\n#include "light/lights.glsl"\n' + "vec3 sample_light" + pieces[1],
         blocks={2: table.entries},
         uniforms=uniforms,
+        constants={"LOCAL_LIGHTS": 0},
     )
 
 

@@ -1,4 +1,4 @@
-"""A ball and a ground around a volume, under a constant light and the sun, look as in Mitsuba 3."""
+"""A ball and a ground around a volume, under lights of six kinds, look as in Mitsuba 3."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 
 from tests.peers.mitsuba_volume import PeerImage
 from weft.renderer.config import ConstantLight, DirectionalLight, PerspectiveCamera, RenderConfig
+from weft.renderer.light_config import DiskLight, PointLight, QuadLight, SpotLight
 from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MeshSurface, Placement
@@ -26,6 +27,12 @@ SIZE, TILE = 48, 8
 SUN, SUN_IRRADIANCE = (1.0, 2.0, 0.5), 2.0
 POSITION, TARGET, FOV = (2.5, 3.0, 4.0), (0.7, 0.2, 0.4), 30.0
 GROUND, BALL = (0.3, 0.6, 0.8), (0.8, 0.5, 0.2)
+POINT, POINT_INTENSITY = (-0.3, 0.6, 1.2), 0.5
+SPOT, SPOT_INTENSITY, SPOT_BEAM, SPOT_CUTOFF = (1.5, 2.0, 2.0), 4.0, 8.0, 15.0
+QUAD_AT, QUAD_RADIANCE, QUAD_SIZE = (0.4, 1.3, -0.3), 3.0, (0.8, 0.4)
+DISK_AT, DISK_RADIANCE, DISK_RADIUS = (2.3, 0.6, 0.9), 2.0, 0.3
+MIDDLE = (0.4, 0.4, 0.4)
+"""What the lights that have a direction face: the middle of the volume."""
 BALL_AT, BALL_RADIUS = (1.6, 0.35, 0.3), 0.35
 
 
@@ -43,11 +50,28 @@ def blobs(seed=7):
 def weft_picture(folder, grid) -> PeerImage:
     config = RenderConfig(
         resolution=(SIZE, SIZE),
-        samples_per_pixel=384,
+        samples_per_pixel=512,
         seed=3,
         max_bounces=1000,
         camera=PerspectiveCamera(position_mm=POSITION, target_mm=TARGET, fov_deg=FOV),
-        lights=[ConstantLight(), DirectionalLight(direction=SUN, irradiance=(SUN_IRRADIANCE,) * 3)],
+        lights=[
+            ConstantLight(radiance=(0.3,) * 3),
+            DirectionalLight(direction=SUN, irradiance=(SUN_IRRADIANCE,) * 3),
+            PointLight(position_mm=POINT, intensity=(POINT_INTENSITY,) * 3),
+            SpotLight(
+                position_mm=SPOT,
+                intensity=(SPOT_INTENSITY,) * 3,
+                beam_deg=SPOT_BEAM,
+                cutoff_deg=SPOT_CUTOFF,
+            ),
+            QuadLight(
+                position_mm=QUAD_AT,
+                radiance=(QUAD_RADIANCE,) * 3,
+                width_mm=QUAD_SIZE[0],
+                height_mm=QUAD_SIZE[1],
+            ),
+            DiskLight(position_mm=DISK_AT, radiance=(DISK_RADIANCE,) * 3, radius_mm=DISK_RADIUS),
+        ],
         background="environment",
         extinction="isotropic",
         isotropic_extinction_per_mm=1.0,
@@ -69,7 +93,7 @@ def weft_picture(folder, grid) -> PeerImage:
     )
 
 
-def mitsuba_picture(folder, grid, *, runs=8, samples=48) -> PeerImage:
+def mitsuba_picture(folder, grid, *, runs=8, samples=56) -> PeerImage:
     import mitsuba as mi
 
     mi.set_variant("scalar_rgb")
@@ -89,6 +113,9 @@ def mitsuba_scene(mi, folder, grid) -> dict:
         values[tuple(slice(p, p + 8) for p in place)] = density.reshape(8, 8, 8)
     write_ball(folder, name="ball.ply", radius=BALL_RADIUS)
 
+    def facing(position):
+        return transform().look_at(origin=list(position), target=list(MIDDLE), up=[0, 1, 0])
+
     def diffuse(color):
         return {
             "type": "twosided",
@@ -98,8 +125,28 @@ def mitsuba_scene(mi, folder, grid) -> dict:
     return {
         "type": "scene",
         "integrator": {"type": "volpath", "max_depth": 1000, "rr_depth": 1000},
-        "sky": {"type": "constant", "radiance": 1.0},
+        "sky": {"type": "constant", "radiance": 0.3},
         "sun": {"type": "directional", "direction": [-x for x in SUN], "irradiance": SUN_IRRADIANCE},
+        "point": {"type": "point", "position": list(POINT), "intensity": POINT_INTENSITY},
+        "spot": {
+            "type": "spot",
+            "to_world": facing(SPOT),
+            "intensity": SPOT_INTENSITY,
+            "beam_width": SPOT_BEAM,
+            "cutoff_angle": SPOT_CUTOFF,
+        },
+        "quad": {
+            "type": "rectangle",
+            "to_world": facing(QUAD_AT).scale([QUAD_SIZE[0] / 2, QUAD_SIZE[1] / 2, 1]),
+            "bsdf": {"type": "diffuse", "reflectance": 0.0},
+            "emitter": {"type": "area", "radiance": QUAD_RADIANCE},
+        },
+        "disk": {
+            "type": "disk",
+            "to_world": facing(DISK_AT).scale(DISK_RADIUS),
+            "bsdf": {"type": "diffuse", "reflectance": 0.0},
+            "emitter": {"type": "area", "radiance": DISK_RADIANCE},
+        },
         "ground": {
             "type": "rectangle",
             "to_world": transform().translate([half, 0, half]).rotate([1, 0, 0], -90).scale(4.0),

@@ -12,6 +12,7 @@ import pytest
 from weft.renderer.config import ConstantLight, LanczosFilter, PerspectiveCamera, RenderConfig
 from weft.renderer.gpu.shader_source import assemble
 from weft.renderer.kernel import voxel_pages_glsl
+from weft.renderer.light_config import QuadLight
 from weft.renderer.scene import IsotropicPhase, build_scene
 from weft.renderer.surface_config import GroundSurface
 
@@ -23,6 +24,7 @@ VARIANTS = list(
 )
 EXTRAS = {
     "surfaces": [GroundSurface()],
+    "lights": [QuadLight(position_mm=(0, 9, 0), width_mm=1, height_mm=1, radiance=(1, 1, 1))],
     "filter": LanczosFilter(),
     "camera": PerspectiveCamera(aperture_radius_mm=0.1, aperture_blades=6),
 }
@@ -30,7 +32,8 @@ EXTRAS = {
 
 def kernel_text(tracking, extinction, phase, count, philox, **extras):
     """The assembled kernel with `count` media and pages of voxels."""
-    config = RenderConfig(tracking=tracking, extinction=extinction, lights=[ConstantLight()], **extras)
+    lights = {"lights": [ConstantLight()]}
+    config = RenderConfig(tracking=tracking, extinction=extinction, **(lights | extras))
     grids = [random_grid((1, 1, 1), seed=i) for i in range(count)]
     scene = build_scene(
         config, volume(*grids), {"a": TABLE["reference"] if phase == "fiber" else IsotropicPhase()}

@@ -2,16 +2,20 @@
 // per directional light. Radiance is constant in a texel, so the sampled density is exactly the evaluated one.
 // Up is +y; column 0 starts at -z and goes toward +x, as in Mitsuba 3 (renderer/environment.py).
 // Needs from the program: lights[] (per entry: vec4(radiance, pdf), vec4(threshold, alias, 0, 0)), light_count,
-// environment_size (columns, rows), directional_lights[].
+// environment_size (columns, rows), directional_lights[]; with LOCAL_LIGHTS, light/local.glsl and what it needs.
 
 #include "math/constants.glsl"
 #include "math/arctangent.glsl"
+#constant LOCAL_LIGHTS
 
 struct LightSample {
     vec3 direction;  // toward the light
     vec3 value;      // radiance / pdf, or irradiance / probability
-    float pdf;       // [1/sr]; 0 for a directional light, which no phase function sample can hit
+    float pdf;       // [1/sr]; 0 for a light that no phase function sample can hit
+    float distance;  // [voxels]
 };
+
+const float INFINITELY_FAR = 1e30;
 
 // Not acos: Mesa's is off by 1e-4 rad and more, a texel's width near the edge of every row of a large picture.
 uint environment_texel(vec3 direction) {
@@ -39,7 +43,7 @@ float environment_height(uint row, float u, out float radius) {
     return below ? 2.0 * drop - 1.0 : 1.0 - 2.0 * drop;
 }
 
-LightSample light_sample(uvec2 choice, vec2 u) {
+LightSample light_sample(uvec2 choice, vec2 u, vec3 point) {
     // choice is a fraction of 64 bits; times light_count, its whole part is the entry, as even as 64 bits allow, and
     // the rest decides between the entry and its alias
     uint high;
@@ -54,10 +58,19 @@ LightSample light_sample(uvec2 choice, vec2 u) {
     vec4 link = lights[2u * high + 1u];
     uint entry = float(rest >> 8u) * 5.9604644775390625e-8 < link.x ? high : floatBitsToUint(link.y);
     vec4 radiance = lights[2u * entry];
+#if LOCAL_LIGHTS
+    if (entry >= local_first) {
+        LightSample s;
+        vec3 value = radiance.rgb / radiance.w;
+        s.value = local_light_sample(entry - local_first, value, point, u, s.direction, s.distance, s.pdf);
+        s.pdf *= radiance.w;
+        return s;
+    }
+#endif
     uint texel_count = uint(environment_size.x * environment_size.y);
     if (entry >= texel_count) {
         vec3 direction = directional_lights[entry - texel_count].xyz;
-        return LightSample(direction, radiance.rgb / radiance.w, 0.0);
+        return LightSample(direction, radiance.rgb / radiance.w, 0.0, INFINITELY_FAR);
     }
     uint row = entry / uint(environment_size.x);
     uint column = entry - row * uint(environment_size.x);
@@ -65,5 +78,5 @@ LightSample light_sample(uvec2 choice, vec2 u) {
     float radius;
     float y = environment_height(row, u.y, radius);
     vec3 value = radiance.w > 0.0 ? radiance.rgb / radiance.w : vec3(0.0);
-    return LightSample(vec3(radius * sin(phi), y, -radius * cos(phi)), value, radiance.w);
+    return LightSample(vec3(radius * sin(phi), y, -radius * cos(phi)), value, radiance.w, INFINITELY_FAR);
 }

@@ -1,6 +1,7 @@
 // One scattering event: a light is chosen and a shadow ray sent to it, and a new direction is sampled.
 #include "math/frames.glsl"
 #include "generated/phase.glsl"
+#include "generated/local_lights.glsl"  // light/local.glsl; empty where there are none
 #include "light/lights.glsl"
 #include "film/film.glsl"
 #include "medium/stepping.glsl"
@@ -53,7 +54,7 @@ void scatter(inout Path p) {
     p.origin_voxel = p.voxel;
 
     uvec4 light_bits = random_words(p.rng);
-    LightSample light = light_sample(light_bits.xy, unit_interval(light_bits).zw);
+    LightSample light = light_sample(light_bits.xy, unit_interval(light_bits).zw, p.origin);
     float eval_pdf;
     vec3 value = phase_eval(phase, light.direction * frame, eval_pdf);
     vec3 carried = p.throughput * value * light.value * light_weight(light.pdf, eval_pdf);
@@ -65,7 +66,7 @@ void scatter(inout Path p) {
     p.next_depth = exponential(bits.y);
     if (p.bounce >= roulette_start) roulette(p, bits.z);
     if (max(carried.x, max(carried.y, carried.z)) > 0.0) {
-        start_shadow(p, without_zeros(light.direction), carried, bits.w);
+        start_shadow(p, without_zeros(light.direction), light.distance, carried, bits.w);
     } else {
         start_flight(p);
     }

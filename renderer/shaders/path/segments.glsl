@@ -9,6 +9,8 @@
 #constant SURFACES
 
 #if SURFACES
+const float BEFORE_THE_LIGHT = 0.9999;  // so that a shadow ray does not end in the light's own shape
+
 // The segment first looks for the surface that ends it, then goes through the volume in `mode`.
 void start_seek(inout Path p, float t_end, uint mode) {
     p.t_end = t_end;
@@ -52,7 +54,7 @@ void end_shadow(inout Path p, float transmittance) {
 
 // The transmittance T is needed exactly only while it is large. Let c = SHADOW_ROULETTE and u uniform: the estimate
 // is T where T >= c, else c if c u < T, else 0; its mean is T. So the ray is given up at depth -log(c u).
-void start_shadow(inout Path p, vec3 direction, vec3 light, uint bits) {
+void start_shadow(inout Path p, vec3 direction, float distance, vec3 light, uint bits) {
     p.light = light;
     start_segment(p, direction);
     p.depth_left = exponential(bits) - log(SHADOW_ROULETTE);
@@ -61,7 +63,7 @@ void start_shadow(inout Path p, vec3 direction, vec3 light, uint bits) {
     p.next_free = exponential(random_words(p.rng).x);
 #endif
 #if SURFACES
-    start_seek(p, NO_END, MODE_SHADOW);
+    start_seek(p, distance * BEFORE_THE_LIGHT, MODE_SHADOW);
 #else
     p.mode = MODE_SHADOW;
     if (is_outside(p.voxel)) end_shadow(p, 1.0);

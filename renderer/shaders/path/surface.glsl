@@ -15,8 +15,34 @@ vec3 surface_color(SurfaceVertex vertex) {
     return color;
 }
 
+#if LOCAL_LIGHTS
+// Area lights shine on their front and end every path.
+void meet_light(inout Path p, uint light, vec3 normal) {
+    vec4 entry = lights[2u * (local_first + light)];
+    bool front = dot(p.direction, lights[local_lights + 4u * light + 3u].xyz) < 0.0;
+    vec3 emitted = front ? entry.rgb : vec3(0.0);
+    if (p.bounce == 0u) {
+        film_add_first_surface(film_pixel(p.rng.x), p.t_end, normal, vec3(0.0));
+        p.radiance += emitted;
+        p.bounce = 1u;
+    } else {
+        float pdf = entry.w * local_light_pdf(light, p.origin, p.direction * p.t_end);
+        p.radiance += p.throughput * emitted * phase_weight(pdf, p.phase_pdf);
+    }
+    p.throughput = vec3(0.0);
+    p.mode = MODE_ESCAPED;
+}
+#endif
+
 void meet_surface(inout Path p) {
     SurfaceVertex vertex = surface_vertex(p.triangle, p.origin, p.direction);
+#if LOCAL_LIGHTS
+    uint emitter = floatBitsToUint(lights[surface_materials + 2u * vertex.material].w);
+    if (emitter > 0u) {
+        meet_light(p, emitter - 1u, vertex.normal);
+        return;
+    }
+#endif
     vec3 color = surface_color(vertex);
     if (p.bounce == 0u) film_add_first_surface(film_pixel(p.rng.x), p.t_end, vertex.normal, color);
     if (p.bounce >= max_bounces) {
@@ -33,7 +59,7 @@ void meet_surface(inout Path p) {
 
     uvec4 bits = random_words(p.rng);
     uvec4 light_bits = random_words(p.rng);
-    LightSample light = light_sample(light_bits.xy, unit_interval(light_bits).zw);
+    LightSample light = light_sample(light_bits.xy, unit_interval(light_bits).zw, p.origin);
     vec3 wi = light.direction * frame;
     bool outside = dot(light.direction, vertex.flat_normal) > 0.0;
     vec3 value = outside ? color * diffuse_eval(wo, wi) * max(wi.z, 0.0) : vec3(0.0);
@@ -48,7 +74,7 @@ void meet_surface(inout Path p) {
     p.next_depth = exponential(more.x);
     if (p.bounce >= roulette_start) roulette(p, more.y);
     if (max(carried.x, max(carried.y, carried.z)) > 0.0) {
-        start_shadow(p, without_zeros(light.direction), carried, more.z);
+        start_shadow(p, without_zeros(light.direction), light.distance, carried, more.z);
     } else {
         start_flight(p);
     }

@@ -39,6 +39,8 @@ uniform vec3 camera_up;
 uniform ivec2 environment_size;
 uniform uint light_count;
 uniform vec4 directional_lights[16];
+uniform uint local_first;  // entry of the first light that stands somewhere
+uniform uint local_lights;   // first row of their places
 uniform uint surface_nodes;  // first rows of each kind in lights[], behind the lights (renderer/surfaces.py)
 uniform uint surface_triangles;
 uniform uint surface_attributes;
