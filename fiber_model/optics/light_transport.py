@@ -18,6 +18,9 @@ from .outline import Outline
 PATHS_PER_LAUNCH = 2**17
 """Paths traced at a time. Fixed, so that sums are added up in the same order whatever the machine."""
 
+ROOM = 1e-9
+"""Added to the circle around an arc, as a part of the bounding radius: no ray that meets it is missed."""
+
 Progress = Callable[[float, str], None]
 
 
@@ -102,6 +105,10 @@ def _arc_records(outline: Outline, arc_type: Any) -> np.ndarray:
     records["start"], records["tangent"] = outline.starts, outline.start_tangents
     records["end"], records["end_tangent"] = outline.ends, outline.end_tangents
     records["curvature"] = outline.curvatures
+    records["middle"] = 0.5 * (outline.starts + outline.ends)
+    records["reach"] = (
+        0.5 * np.linalg.norm(outline.ends - outline.starts, axis=1) + ROOM * outline.bounding_radius
+    )
     return records
 
 

@@ -55,6 +55,10 @@ class Arc:
     end: wp.vec2d
     end_tangent: wp.vec2d
     curvature: wp.float64
+    middle: wp.vec2d
+    """Of its chord: the circle over the chord holds the arc."""
+    reach: wp.float64
+    """Radius of that circle, and a little more."""
 
 
 @wp.struct
@@ -158,6 +162,9 @@ def nearest_hit(fiber: Fiber, origin: wp.vec2d, along: wp.vec2d, inside: wp.int3
     reach = EDGE * fiber.bounding_radius
     for i in range(fiber.arc_count):
         arc = fiber.arcs[i]
+        aside = arc.middle - origin
+        if wp.abs(along[0] * aside[1] - along[1] * aside[0]) > arc.reach:
+            continue
         offset = origin - arc.start
         distance = arc_distance(arc, offset, along, sign, i == last)
         if distance > ZERO and distance < hit.distance:
