@@ -88,6 +88,10 @@ class Light:
     """The state of a path."""
 
     direction: wp.vec3d
+    local: wp.vec3d
+    """The direction in the frame of interface_kernels.py, while the light is at the surface."""
+    held: wp.bool
+    """Whether the rough surface still holds it."""
     weight: wp.vec3d
     inside: wp.int32
     events: wp.int32
@@ -179,54 +183,61 @@ def nearest_hit(fiber: Fiber, origin: wp.vec2d, along: wp.vec2d, inside: wp.int3
 
 
 @wp.func
+def meet_facet(fiber: Fiber, key: Key, light: Light) -> Light:
+    """One meeting with the surface: reflect or refract `light.local`, and say whether it is held."""
+    eta = fiber.index if light.inside == 0 else ONE / fiber.index
+    u = draw(key, light.draws)
+    choice = draw(key, light.draws + wp.uint32(1))
+    light.draws = light.draws + wp.uint32(2)
+    light.events += 1
+    view = -light.local
+    facet = wp.vec3d(ZERO, ZERO, ONE)
+    if fiber.alpha > ZERO:
+        facet = visible_normal(view, fiber.alpha, u[0], u[1])
+    reflectance = fresnel(wp.max(wp.dot(view, facet), ZERO), eta)
+    chance = reflectance
+    if light.events <= FLOOR_EVENTS:
+        chance = wp.max(reflectance, fiber.reflection_floor)
+    if choice[0] < chance:
+        light.local = reflect(view, facet)
+        light.weight = light.weight * (reflectance / chance)
+    else:
+        refracted = refract(view, facet, eta)
+        light.local = wp.vec3d(refracted[0], refracted[1], -refracted[2])
+        light.weight = light.weight * ((ONE - reflectance) / (ONE - chance))
+        light.inside = 1 - light.inside
+    light.held = wp.bool(False)
+    if fiber.alpha > ZERO:
+        light.held = choice[1] >= escape_probability(light.local, fiber.alpha)
+        light.local = wp.normalize(light.local)
+    if wp.max(light.weight) < FAINT:
+        if choice[2] < SURVIVAL:
+            light.weight = light.weight / SURVIVAL
+        else:
+            light.weight = wp.vec3d(ZERO, ZERO, ZERO)
+    if light.events >= MOST_EVENTS or wp.max(light.weight) <= ZERO:
+        light.held = wp.bool(False)
+    return light
+
+
+@wp.func
 def cross_surface(fiber: Fiber, key: Key, light: Light, normal: wp.vec2d) -> Light:
     """Follow the light at one place of the surface until it leaves it, outward or inward."""
     side = -ONE if light.inside == 1 else ONE
-    local = wp.vec3d(
+    light.local = wp.vec3d(
         light.direction[0],
         light.direction[2] * normal[0] - light.direction[1] * normal[1],
         side * (light.direction[1] * normal[0] + light.direction[2] * normal[1]),
     )
-    held = wp.bool(True)
-    while held:
-        eta = fiber.index if light.inside == 0 else ONE / fiber.index
-        u = draw(key, light.draws)
-        choice = draw(key, light.draws + wp.uint32(1))
-        light.draws = light.draws + wp.uint32(2)
-        view = -local
-        facet = wp.vec3d(ZERO, ZERO, ONE)
-        if fiber.alpha > ZERO:
-            facet = visible_normal(view, fiber.alpha, u[0], u[1])
-        reflectance = fresnel(wp.max(wp.dot(view, facet), ZERO), eta)
-        chance = reflectance
-        if light.events < FLOOR_EVENTS:
-            chance = wp.max(reflectance, fiber.reflection_floor)
-        if choice[0] < chance:
-            local = reflect(view, facet)
-            light.weight = light.weight * (reflectance / chance)
-        else:
-            local = refract(view, facet, eta)
-            local = wp.vec3d(local[0], local[1], -local[2])
-            light.weight = light.weight * ((ONE - reflectance) / (ONE - chance))
-            light.inside = 1 - light.inside
-            side = -side
-        light.events += 1
-        held = wp.bool(False)
-        if fiber.alpha > ZERO:
-            held = choice[1] >= escape_probability(local, fiber.alpha)
-            local = wp.normalize(local)
-        if wp.max(light.weight) < FAINT:
-            if choice[2] < SURVIVAL:
-                light.weight = light.weight / SURVIVAL
-            else:
-                light.weight = wp.vec3d(ZERO, ZERO, ZERO)
-        if light.events >= MOST_EVENTS or wp.max(light.weight) <= ZERO:
-            held = wp.bool(False)
-    across = side * local[2]
+    light.held = wp.bool(True)
+    while light.held:
+        light = meet_facet(fiber, key, light)
+    side = -ONE if light.inside == 1 else ONE
+    across = side * light.local[2]
     light.direction = wp.vec3d(
-        local[0],
-        across * normal[0] - local[1] * normal[1],
-        across * normal[1] + local[1] * normal[0],
+        light.local[0],
+        across * normal[0] - light.local[1] * normal[1],
+        across * normal[1] + light.local[1] * normal[0],
     )
     return light
 
