@@ -51,5 +51,7 @@ CORNERS = {
     "symmetric corners": gray(
         (24.0, 0.5, 60.0), 20.0, gamma_trt_deg=80.0, longitudinal="symmetric", azimuthal="von_mises"
     ),
+    # wide and grazing: the R lobe has a second mode on the far side
+    "symmetric wide": gray((60.0, 40.0, 20.0), 300.0, fresnel_r=0.0, longitudinal="symmetric"),
     "series": gray((3.0, 8.0, 50.0), 81.0, gamma_trt_deg=100.0),
 }
