@@ -85,6 +85,12 @@ def pack_symmetric_tables(media: Sequence[FiberScatteringParameters]) -> NDArray
     return np.concatenate([np.zeros((0, 4)), *tables]).astype(np.float32)
 
 
+def symmetric_share(media: Sequence[FiberScatteringParameters]) -> int:
+    """The constant FIBER_SYMMETRIC: 0, 1 or 2 as none, some or all media are of the kind symmetric."""
+    symmetric = [one.longitudinal == "symmetric" for one in media]
+    return int(any(symmetric)) + int(all(symmetric))
+
+
 def block_values(parameters: FiberScatteringParameters) -> dict[str, Row]:
     """The fields by name, each [count, 4] in float64."""
     t = parameters.fresnel_tt

@@ -14,7 +14,7 @@ from tests.fiber_model.scattering.scattering_cases import CORNERS, preset
 from tests.renderer.probe import probe
 from tests.renderer.shaders.fiber_probes import random_keys
 from weft.fiber_model.scattering.phase import fiber_phase_sample
-from weft.renderer.scattering_block import pack_scattering, pack_symmetric_tables
+from weft.renderer.scattering_block import pack_scattering, pack_symmetric_tables, symmetric_share
 
 pytestmark = [pytest.mark.gl, pytest.mark.benchmark]
 
@@ -61,7 +61,7 @@ def rate(parameters, function, items):
         signature,
         prelude=CHAIN,
         blocks=blocks,
-        constants={"RANDOM_PHILOX": 0, "FIBER_SYMMETRIC": int(len(tables) > 0)},
+        constants={"RANDOM_PHILOX": 0, "FIBER_SYMMETRIC": symmetric_share([parameters])},
     )
     wo, keys = np.array([0.6, 0.8, 0.0]), random_keys(items, seed=1)
     call(wo, keys[:64])

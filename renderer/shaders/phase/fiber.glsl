@@ -6,8 +6,8 @@
 #include "phase/fiber_block.glsl"
 #include "phase/fiber_longitudinal.glsl"
 #include "phase/fiber_azimuthal.glsl"
-#constant FIBER_SYMMETRIC
-#if FIBER_SYMMETRIC == 1
+#constant FIBER_SYMMETRIC  // how many media are of the kind symmetric: 0 none, 1 some, 2 all
+#if FIBER_SYMMETRIC > 0
 #include "phase/fiber_symmetric.glsl"
 #endif
 
@@ -25,11 +25,15 @@ struct FiberLobes {
 };
 
 bool fiber_is_symmetric(FiberScattering s) {
-    return FIBER_SYMMETRIC == 1 && s.width.w == 2.0;
+    return FIBER_SYMMETRIC == 2 || (FIBER_SYMMETRIC == 1 && s.width.w == 2.0);
 }
 
 vec2 fiber_azimuth(vec3 w, float cos_theta) {
     return cos_theta > 0.0 ? w.yz / cos_theta : vec2(1.0, 0.0);
+}
+
+bool fiber_is_vmf(FiberScattering s) {
+    return FIBER_SYMMETRIC != 2 && s.width.w == 1.0;
 }
 
 float largest(vec3 color) {
@@ -48,7 +52,7 @@ FiberLobes fiber_lobes(FiberScattering s, vec3 wo) {
     lobes.energy_tt = s.energy_tt.rgb * entering;
     lobes.energy_trt = s.energy_trt.rgb * entering;
     lobes.energy_grazing = vec3(0.0);
-#if FIBER_SYMMETRIC == 1
+#if FIBER_SYMMETRIC > 0
     if (fiber_is_symmetric(s)) {
         lobes.energy_r = s.energy_r.rgb * s.fresnel_r.rgb;
         lobes.energy_grazing = s.energy_r.rgb * (1.0 - s.fresnel_r.rgb) * (grazing2 * grazing2 * grazing);
@@ -58,7 +62,7 @@ FiberLobes fiber_lobes(FiberScattering s, vec3 wo) {
     float strength_grazing = largest(lobes.energy_grazing);
     float total = strength.x + strength.y + strength.z + strength_grazing;
     lobes.chance = total > 0.0 ? vec4(strength / total, 0.0) : vec4(1.0, 0.0, 0.0, 0.0);
-#if FIBER_SYMMETRIC == 1
+#if FIBER_SYMMETRIC > 0
     if (fiber_is_symmetric(s)) {
         lobes.chance.w = total > 0.0 ? strength_grazing / total : 0.0;
         lobes.along_scale = fiber_symmetric_scale(s, lobes.sin_o, lobes.cos_o);
@@ -79,7 +83,7 @@ vec4 fiber_lobe_densities(FiberScattering s, FiberLobes lobes, vec3 wi) {
     float around_tt = fiber_azimuthal_eval(s.around_tt, from_tt);
     float around_trt = s.around_trt.x == 0.0 ? INV_TWO_PI : fiber_azimuthal_eval(s.around_trt, PI - from_tt);
     vec3 around = vec3(INV_TWO_PI, around_tt, around_trt);
-#if FIBER_SYMMETRIC == 1
+#if FIBER_SYMMETRIC > 0
     if (fiber_is_symmetric(s)) {
         return fiber_symmetric_eval(s, lobes.along_scale, lobes.sin_o, lobes.cos_o, wi.x, cos_i) * around.xyzx;
     }
@@ -90,7 +94,7 @@ vec4 fiber_lobe_densities(FiberScattering s, FiberLobes lobes, vec3 wi) {
 
 vec3 fiber_lobes_value(FiberLobes lobes, vec4 densities) {
     vec3 value = lobes.energy_r * densities.x + lobes.energy_tt * densities.y + lobes.energy_trt * densities.z;
-#if FIBER_SYMMETRIC == 1
+#if FIBER_SYMMETRIC > 0
     value += lobes.energy_grazing * densities.w;
 #endif
     return value;
@@ -107,8 +111,9 @@ vec2 fiber_rejection(
 ) {
     FiberProposal proposal = fiber_longitudinal_proposal(lobes.sin_o, lobes.cos_o, beta);
     float theta = proposal.tangent;
-#if FIBER_SYMMETRIC == 1
+#if FIBER_SYMMETRIC > 0
     SymmetricProposal symmetric = fiber_symmetric_proposal(s, lobes.sin_o, lobes.cos_o, lane);
+    if (fiber_is_symmetric(s)) theta = symmetric.side * clamp(symmetric.mean, 0.0, HALF_PI);
 #endif
     bool phi_pending = around.x == 3.0;
     phi = phi_pending ? 0.0 : phi;
@@ -117,7 +122,7 @@ vec2 fiber_rejection(
         if (theta_pending) {
             vec4 u = random4(rng);
             vec2 normals = standard_normals(u.xy);
-#if FIBER_SYMMETRIC == 1
+#if FIBER_SYMMETRIC > 0
             if (fiber_is_symmetric(s)) {
                 theta_pending = !fiber_symmetric_try(s, symmetric, normals.x, u.z, theta);
                 if (theta_pending) theta_pending = !fiber_symmetric_try(s, symmetric, normals.y, u.w, theta);
@@ -162,8 +167,8 @@ vec3 fiber_lobes_sample(FiberScattering s, FiberLobes lobes, inout uvec4 rng, ou
     vec4 around = uniform_around ? vec4(0.0) : (is_tt ? s.around_tt : s.around_trt);
     vec4 lane = vec4(is_r, is_tt, !uniform_around && !is_tt, is_grazing);
     float phi = fiber_azimuthal_sample(around, u.yz);
-    vec2 along = fiber_rejection(s.width.w != 1.0, s, lobes, beta, lane, around, rng, phi);
-    if (s.width.w == 1.0) along = fiber_vmf_sample(lobes.sin_o, lobes.cos_o, beta, random4(rng).xy);
+    vec2 along = fiber_rejection(!fiber_is_vmf(s), s, lobes, beta, lane, around, rng, phi);
+    if (fiber_is_vmf(s)) along = fiber_vmf_sample(lobes.sin_o, lobes.cos_o, beta, random4(rng).xy);
 
     phi += is_tt ? PI : 0.0;
     vec2 turn = vec2(cos(phi), sin(phi));

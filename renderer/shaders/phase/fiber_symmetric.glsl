@@ -91,7 +91,7 @@ bool fiber_symmetric_try(FiberScattering s, SymmetricProposal p, float normal, f
     bool grazing = p.lane.w != 0.0;
     if (abs(x) >= HALF_PI || (grazing && x <= 0.0)) return false;
     float cos_x = cos(x);
-    float log_q = dot(p.lane, fiber_symmetric_log_q(s, fiber_symmetric_place(sin(x), cos_x)));
+    float log_q = dot(p.lane, fiber_symmetric_log_q(s, sqrt(1.0 - abs(x) / HALF_PI)));
     float chance = dot(p.lane, fiber_symmetric_marginal(cos_x)) * cos_x * cos_x
         * exp(log_q + x * (0.5 * p.bend * x - p.tilt) - p.bound);
     bool near = u < chance;

@@ -247,6 +247,16 @@ def test_many_bounces_equal_the_powers_of_the_kernel(name, bounces):
         assert stats.chisquare(landed, masses / masses.sum() * landed.sum()).pvalue > 1e-4
 
 
+def test_a_program_for_symmetric_media_alone_samples_as_one_for_all_kinds():
+    """FIBER_SYMMETRIC 2 against 1: code left out changes no direction beyond rounding."""
+    wo = random_directions(np.random.default_rng(6), 5000)
+    keys = random_keys(len(wo), seed=7)
+    alone = draw_probe([CORNERS["symmetric"]])(0, wo, keys)
+    among = draw(INDEX["symmetric"], wo, keys)
+    for ours, theirs in zip(alone[:3], among[:3], strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=2e-5)
+
+
 def test_light_along_the_fiber_is_finite():
     wo = np.array([[1, 0, 0], [-1, 0, 0], [1, 1e-20, 0], [1, 1e-7, -1e-7]], np.float32)
     medium = np.arange(len(LIST))[:, None]
