@@ -1,6 +1,6 @@
 """The pictures of `weft scattering`, as figures 6.1 and 6.2 of the thesis: polar slices, and lobes in space.
 
-The only file that loads matplotlib.
+Loads matplotlib.
 """
 
 from __future__ import annotations
