@@ -29,6 +29,7 @@ PRESETS = Path(__file__).resolve().parents[2] / "configs" / "presets" / "scatter
 
 
 def direction(theta, phi):
+    theta, phi = np.broadcast_arrays(theta, phi)
     return np.stack([np.sin(theta), np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi)], axis=-1)
 
 
@@ -101,12 +102,13 @@ def fit_material(name: str, shape: str, paths: int):
 def preset_text(name: str, shape: str, optics, fitted, variations) -> str:
     material, p = MATERIALS[name], fitted.parameters
     held = ", ".join(f"{100 * h.relative_rms:.0f} % at {h.theta_i_deg:g} deg" for h in fitted.held_out)
+    low, high = variations[0].min(), variations[0].max()
     comment = [
         f"{name}: a clean, undyed fiber, from physics: light transport through its cross-section ({shape}),",
         f"refractive index {material.refractive_index:g}, roughness {material.roughness:g}, absorption "
         f"{optics.absorption_per_mm} per mm; sources in fiber_model/optics/materials.py",
         "(Morton and Hearle, chapter 24). The three lobes fitted to it by tests/fitting/fit_materials.py:",
-        f"total variation {variations[0].min():.2f} to {variations[0].max():.2f} over the sphere; relative rms",
+        f"total variation {low:.2f} to {high:.2f} over the sphere; relative rms",
         f"at angles held out {held}. Dye the fibers with color_tt and color_trt.",
     ]
     values = {number.name: number.value for number in fitted.fitted}

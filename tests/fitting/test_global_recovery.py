@@ -38,7 +38,6 @@ def test_one_call_reaches_the_global_minimum(gray, capsys):
     with capsys.disabled():
         failed = [seed for seed, (ok, _) in enumerate(outcomes) if not ok]
         print(f"\n{'gray' if gray else 'rgb'}: {reached} of {TRUTHS} reached; missed {failed}")
-        print(
-            f"seconds a call: median {np.median(seconds):.2f}, after the first {seconds[1:].max():.2f} at most"
-        )
+        median, longest = np.median(seconds), seconds[1:].max()
+        print(f"seconds a call: median {median:.2f}, after the first {longest:.2f} at most")
     assert reached >= 0.99 * TRUTHS
