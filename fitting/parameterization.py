@@ -24,6 +24,7 @@ import jax.numpy as jnp  # isort: skip
 Array = NDArray[np.float64]
 
 SHAPE_COUNT = len(WIDTHS)
+AZIMUTHAL = slice(3, SHAPE_COUNT)
 FRESNEL_TT, SCALE, FIRST_COLOR = SHAPE_COUNT, SHAPE_COUNT + 1, SHAPE_COUNT + 2
 LIMITS = {"longitudinal": (0.5, 60.0), "azimuthal": (2.0, 300.0)}
 """Of the widths [deg], as `FiberScatteringParameters` checks them."""

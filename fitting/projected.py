@@ -9,13 +9,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, NamedTuple
 
-from .parameterization import Parameterization, expand
+from .parameterization import AZIMUTHAL, Parameterization, expand
 from .residuals import Residual
 
 import jax  # isort: skip  after phase_jax, which switches it to 64 bits
 import jax.numpy as jnp  # isort: skip
 
-MAX_STEPS = 200
+MAX_STEPS = 1000
 EDM_GOAL = 1e-9
 """Expected decrease of the cost by a full Newton step, relative to cost per degree of freedom, to stop at."""
 _NEVER_LARGER = 1e12
@@ -83,7 +83,7 @@ def _step(function: Any, p: Parameterization, state: _State) -> _State:
     normal = state.jacobian.T @ state.jacobian
     moving = _moving(p, state.x, gradient)
     delta = _newton(normal, gradient, moving, state.damping)
-    x = jnp.clip(state.x + delta, p.lower, p.upper)
+    x = jnp.clip(_moved(state.x, delta), p.lower, p.upper)
     r = function(x)
     gain = 0.5 * (state.r @ state.r - r @ r)
     better = jnp.isfinite(gain) & (gain > 0)
@@ -93,6 +93,17 @@ def _step(function: Any, p: Parameterization, state: _State) -> _State:
     rejected = state._replace(damping=state.damping * 7, step=state.step + 1)
     merged = jax.tree.map(lambda new, old: jnp.where(better, new, old), accepted, rejected)
     return merged._replace(edm=_edm(p, merged))
+
+
+def _moved(x: jax.Array, delta: jax.Array) -> jax.Array:
+    """x + delta; azimuthal widths move along their mean resultant length exp(-gamma²/2) instead.
+
+    A wide lobe is 1 + 2 exp(-gamma²/2) cos(phi): nearly linear in that length, and flat in gamma.
+    """
+    gamma = x[AZIMUTHAL]
+    length = jnp.exp(-0.5 * gamma**2)
+    new = jnp.clip(length * (1 - gamma * delta[AZIMUTHAL]), 1e-9, 1 - 1e-9)
+    return (x + delta).at[AZIMUTHAL].set(jnp.sqrt(-2 * jnp.log(new)))
 
 
 def _moving(p: Parameterization, x: jax.Array, gradient: jax.Array) -> jax.Array:

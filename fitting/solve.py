@@ -36,7 +36,8 @@ Array = NDArray[np.float64]
 SEARCH_STEPS = 60
 KEPT = 4
 """How many of the best starts are polished."""
-EDM_LIMIT = 1e-6
+EDM_LIMIT = 1e-4
+"""About a hundredth of a standard error; curved valleys are followed slowly beyond it."""
 SAME_COST = 1e-6
 """Starts whose cost per datum differs by less than this found the same minimum."""
 
