@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from typing import TypeVar, cast
@@ -67,16 +66,9 @@ def _follow(futures: list[Future], jobs: list[TileJob], progress: Progress | Non
     """Wait for the jobs and report what part of the work is done; the first failure ends the wait."""
     place = {future: i for i, future in enumerate(futures)}
     total = sum(job.cost for job in jobs)
-    began, done = time.monotonic(), 0
-    kept = all_jobs - len(jobs)
+    done, kept = 0, all_jobs - len(jobs)
     for count, future in enumerate(as_completed(futures), start=1):
         future.result()
         done += jobs[place[future]].cost
         if progress is not None:
-            progress(done / total, f"tile {kept + count} of {all_jobs}{_time_left(began, done / total)}")
-
-
-def _time_left(began: float, fraction: float) -> str:
-    """Where there is more than a second of it, by the pace of the tiles alone."""
-    left = (time.monotonic() - began) * (1 - fraction) / fraction if fraction > 0 else 0.0
-    return f", {left:.0f} s of tiles left" if left >= 1 else ""
+            progress(done / total, f"tile {kept + count} of {all_jobs}")
