@@ -1,0 +1,177 @@
+"""How fast segments become voxels, against plain C++ and numpy; and .vdb files, against voxel-wise access."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+
+from weft.voxelize import sources, vdb
+from weft.voxelize.accumulator import TileAccumulator
+from weft.voxelize.config import VoxelizeConfig
+from weft.voxelize.fill import fill_tiles
+from weft.voxelize.grid import FiberVolume
+from weft.voxelize.openvdb_library import extension
+from weft.voxelize.plan import checked_region, plan_tiles
+from weft.voxelize.sources import SegmentSource
+from weft.voxelize.tiles import TileWork, snap_region
+from weft.voxelize.voxelize import voxelize_segments
+
+pytestmark = pytest.mark.benchmark
+
+VOXEL, SIDE, RADIUS = 0.05, 128, 0.008
+SYSTEM_PYTHON = "/usr/bin/python3"
+
+
+@pytest.fixture(scope="module")
+def segments() -> np.ndarray:
+    """A million segments of 0.1 mm, as fibers of 6 mm, in a cube of 6.4 mm."""
+    rng = np.random.default_rng(0)
+    axis = rng.normal(size=(16000, 60, 3)) * 0.15 + rng.normal(size=(16000, 1, 3))
+    axis /= np.linalg.norm(axis, axis=2, keepdims=True)
+    points = np.cumsum(0.1 * axis, axis=1)
+    points += rng.uniform(0, 6.4, (16000, 1, 3)) - points.mean(axis=1, keepdims=True)
+    pairs = np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 3).astype(np.float32)
+    return pairs[((pairs > 0.2) & (pairs < 6.2)).all(axis=(1, 2))]
+
+
+def plain_cpp(segments: np.ndarray, folder: Path) -> tuple[float, float]:
+    """Processor seconds, and the length that it found."""
+    compiler = shutil.which("c++")
+    if compiler is None:
+        pytest.skip("no C++ compiler")
+    segments.tofile(folder / "segments")
+    source = Path(__file__).with_name("dense_voxels.cpp")
+    subprocess.run([compiler, "-O3", "-o", str(folder / "dense"), str(source)], check=True)
+    command = [str(folder / "dense"), str(folder / "segments"), str(VOXEL), str(SIDE), "5"]
+    answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+    return float(answer[0]), float(answer[1])
+
+
+def one_tile(segments: np.ndarray) -> float:
+    """Processor seconds of this thread to add all segments to one tile."""
+    sources.load_kernels()
+    source, region = SegmentSource(segments, fiber_radius_mm=RADIUS), snap_region(None, VOXEL)
+    items = np.arange(len(source.cost))
+    work = TileWork(np.zeros(3, np.int64), items, np.zeros(len(items), bool))
+    accumulator = TileAccumulator(SIDE, VOXEL)
+    limits, best = sources.region_limits(region, VOXEL), np.inf
+    for _ in range(5):
+        tile = accumulator.open(np.zeros(3, np.int64), region, np.zeros((1, 2), np.float32))
+        begin = time.thread_time()
+        source.accumulate(tile, work, limits)
+        wp.synchronize()
+        best = min(best, time.thread_time() - begin)
+        accumulator.resolve(np.zeros(3, np.int64), RADIUS)
+    return float(best)
+
+
+def in_numpy(segments: np.ndarray) -> float:
+    """Processor seconds of the same clipping, vectorized: crossings of a segment sorted, pieces binned."""
+    begin = time.process_time()
+    p, q = segments[:, 0] / VOXEL, segments[:, 1] / VOXEL
+    d = q - p
+    low, high = np.floor(np.minimum(p, q)), np.floor(np.maximum(p, q))
+    most = int((high - low).max())
+    faces = low[:, :, None] + 1 + np.arange(most)
+    u = np.where(faces <= high[:, :, None], (faces - p[:, :, None]) / d[:, :, None], 1.0)
+    u = np.sort(np.clip(u.reshape(len(p), -1), 0, 1), axis=1)
+    u = np.concatenate([np.zeros((len(p), 1)), u, np.ones((len(p), 1))], axis=1)
+    middle = p[:, None] + d[:, None] * (0.5 * (u[:, 1:] + u[:, :-1]))[:, :, None]
+    cell = np.floor(middle).astype(np.int64) @ np.array([SIDE * SIDE, SIDE, 1])
+    length = np.linalg.norm(d, axis=1)
+    piece = (u[:, 1:] - u[:, :-1]) * length[:, None]
+    t = d / length[:, None]
+    for moment in (
+        np.ones(len(t)),
+        *(t[:, i] * t[:, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))),
+    ):
+        np.bincount(cell.ravel(), weights=(piece * moment[:, None]).ravel(), minlength=SIDE**3)
+    return time.process_time() - begin
+
+
+def test_accumulation_against_plain_cpp_and_numpy(segments, tmp_path):
+    peer, length = plain_cpp(segments, tmp_path)
+    assert length == pytest.approx(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum(), rel=1e-3)
+    ours, count = one_tile(segments), len(segments) / 1e6
+    numpy_seconds = in_numpy(segments[: len(segments) // 10]) * 10
+    print(
+        f"\naccumulation per core: {count / ours:.1f} Msegments/s; plain C++ -O3 {count / peer:.1f}: "
+        f"{peer / ours:.2f} times; numpy {count / numpy_seconds:.2f}: {numpy_seconds / ours:.0f} times"
+    )
+
+
+def test_two_workers_against_one(segments):
+    config = VoxelizeConfig(voxel_size_mm=VOXEL, tile_voxels=32)
+    source = SegmentSource(segments, fiber_radius_mm=RADIUS)
+    plan = plan_tiles(config, source, checked_region(config, source), 32)
+
+    def seconds(workers: int) -> float:
+        begin = time.perf_counter()
+        fill_tiles(source, plan, lambda *_: None, workers=workers, progress=None)
+        return time.perf_counter() - begin
+
+    seconds(1)
+    ratios = [seconds(1) / seconds(2) for _ in range(5)]
+    print(f"\ntwo workers are {np.median(ratios):.2f} times as fast as one (best {max(ratios):.2f})")
+
+
+ACCESSOR = """
+import sys, time
+import pyopenvdb as openvdb
+import numpy as np
+density, direction = openvdb.FloatGrid(), openvdb.Vec3SGrid()
+a, b = density.getAccessor(), direction.getAccessor()
+places = [tuple(map(int, place)) for place in np.argwhere(np.ones((60, 60, 60)))]
+begin = time.perf_counter()
+for place in places:
+    a.setValueOn(place, 0.5)
+    b.setValueOn(place, (0.6, 0.0, 0.8))
+density.name, direction.name = "density", "fiber_dir"
+openvdb.write(sys.argv[1], [density, direction])
+written = time.perf_counter() - begin
+grids, _ = openvdb.readAll(sys.argv[1])
+begin = time.perf_counter()
+a, b = (grid.getConstAccessor() for grid in grids)
+for place in places:
+    a.getValue(place)
+    b.getValue(place)
+print(len(places) / written, len(places) / (time.perf_counter() - begin))
+"""
+
+
+def test_vdb_files_against_an_accessor_loop(segments, tmp_path):
+    volume = voxelize_segments(VoxelizeConfig(voxel_size_mm=VOXEL), segments, fiber_radius_mm=RADIUS)
+    assert isinstance(volume, FiberVolume)
+    voxels = volume.brick_count * 512 / 1e6
+    path, grids = str(tmp_path / "a.vdb"), list(vdb._leaf_grids(extension(), volume))
+
+    def best(action) -> float:
+        times = []
+        for _ in range(3):
+            begin = time.perf_counter()
+            action()
+            times.append(time.perf_counter() - begin)
+        return voxels / min(times)
+
+    write = best(lambda: extension().write_grids(path, grids))
+    read = best(lambda: extension().read_grids(path))
+    print(
+        f"\n.vdb: {write:.1f} Mvoxel/s of bricks written, {read:.1f} read "
+        f"({volume.voxel_count / 1e6 / voxels:.0%} occupied)"
+    )
+    peer = subprocess.run(
+        [SYSTEM_PYTHON, "-c", ACCESSOR, str(tmp_path / "b.vdb")], capture_output=True, text=True, check=False
+    )
+    if peer.returncode != 0:
+        pytest.skip("python3-openvdb is not installed")
+    wrote, got = (float(rate) / 1e6 for rate in peer.stdout.split())
+    print(
+        f"pyopenvdb, voxel by voxel: {wrote:.2f} written, {got:.2f} read: "
+        f"we are {write / wrote:.0f} and {read / got:.0f} times as fast"
+    )
