@@ -13,6 +13,19 @@
 
 namespace {
 
+// Fowler, Noll and Vo's FNV-1a, to tell whether the disk gives back what was written.
+uint64_t checksum(const char* data, size_t count, uint64_t hash = 14695981039346656037ull) {
+    for (size_t i = 0; i < count; ++i) hash = (hash ^ uint8_t(data[i])) * 1099511628211ull;
+    return hash;
+}
+
+// Where in the file the values of a grid lie.
+struct WrittenRange {
+    std::streamoff begin = 0;
+    std::streamoff end = 0;
+    uint64_t hash = checksum(nullptr, 0);
+};
+
 // A grid whose tree holds masks and no values, and those only while it is being written: the topology first, then
 // the values, leaf by leaf in the order of the tree, as LeafNode writes them.
 template <typename GridT>
@@ -45,13 +58,20 @@ public:
         leaves.reserve(mOrder.size());
         this->tree().getNodes(leaves);
         std::vector<std::string> blocks(std::min(leaves.size(), kLeavesAtOnce));
+        mWritten = WrittenRange{os.tellp()};
         for (size_t begin = 0; begin < leaves.size(); begin += kLeavesAtOnce) {
             const size_t count = std::min(kLeavesAtOnce, leaves.size() - begin);
             tbb::parallel_for(size_t(0), count, [&](size_t i) { blocks[i] = leafBytes(os, *leaves[begin + i]); });
-            for (size_t i = 0; i < count; ++i) os.write(blocks[i].data(), std::streamsize(blocks[i].size()));
+            for (size_t i = 0; i < count; ++i) {
+                os.write(blocks[i].data(), std::streamsize(blocks[i].size()));
+                mWritten.hash = checksum(blocks[i].data(), blocks[i].size(), mWritten.hash);
+            }
         }
+        mWritten.end = os.tellp();
         const_cast<StreamedGrid*>(this)->dropTree();
     }
+
+    const WrittenRange& written() const { return mWritten; }
 
 private:
     openvdb::Coord originOf(size_t i) const {
@@ -91,6 +111,7 @@ private:
 
     const LeafGrid& mSource;
     std::vector<uint32_t> mOrder;  // leaves by origin
+    mutable WrittenRange mWritten;
 };
 
 template <typename GridT>
@@ -172,9 +193,37 @@ openvdb::GridCPtrVec buildGrids(const std::vector<LeafGrid*>& grids) {
     return built;
 }
 
+template <typename GridT>
+const WrittenRange* rangeOf(const openvdb::GridBase& grid) {
+    const auto* streamed = dynamic_cast<const StreamedGrid<GridT>*>(&grid);
+    return streamed ? &streamed->written() : nullptr;
+}
+
+// Whether the file gives back the bytes of every grid's values.
+bool givesBack(const std::string& path, const openvdb::GridCPtrVec& grids) {
+    std::ifstream file(path, std::ios::binary);
+    std::vector<char> block(size_t(1) << 20);
+    for (const auto& grid : grids) {
+        const WrittenRange* range = rangeOf<openvdb::FloatGrid>(*grid);
+        if (!range) range = rangeOf<openvdb::Vec3SGrid>(*grid);
+        WrittenRange found{range->begin, range->begin};
+        file.seekg(range->begin);
+        while (found.end < range->end) {
+            const auto count = std::min(std::streamoff(block.size()), range->end - found.end);
+            if (!file.read(block.data(), count)) return false;
+            found.hash = checksum(block.data(), size_t(count), found.hash);
+            found.end += count;
+        }
+        if (found.hash != range->hash) return false;
+    }
+    return true;
+}
+
 // 0, or the errno of the write that failed.
 int writeGridsTo(const std::string& path, const std::vector<LeafGrid*>& grids, const openvdb::MetaMap& metadata) {
-    return writeStream(path, buildGrids(grids), metadata);
+    const openvdb::GridCPtrVec built = buildGrids(grids);
+    const int code = writeStream(path, built, metadata);
+    return code == 0 && !givesBack(path, built) ? EIO : code;
 }
 
 void checkSame(bool condition, const LeafGrid& grid, const char* what) {
