@@ -99,11 +99,19 @@ class Scene:
             "RANDOM_PHILOX": 0,
             "SURFACES": self.surfaces is not None,
             "LOCAL_LIGHTS": len(self.local_lights) > 0,
-            **({} if self.surfaces is None else {"SURFACE_TEXTURES": self.surfaces.textured}),
+            **self._surface_constants(),
             "CAMERA_LENS": self.camera.aperture_radius > 0,
             **self._filter_constants(),
             **self.phase.constants,
         }
+
+    def _bsdf(self) -> str:
+        return "principled" if self.surfaces and self.surfaces.principled else "diffuse"
+
+    def _surface_constants(self) -> dict[str, Constant]:
+        if self.surfaces is None:
+            return {}
+        return {"SURFACE_TEXTURES": self.surfaces.textured, "SURFACE_PRINCIPLED": self.surfaces.principled}
 
     def _surface_uniforms(self) -> dict[str, int]:
         if self.surfaces is None:
@@ -125,6 +133,7 @@ class Scene:
             "generated/phase_block.glsl": self.phase.block,
             "generated/surfaces.glsl": "" if self.surfaces is None else SURFACE_PIECE,
             "generated/local_lights.glsl": '#include "light/local.glsl"\n' if len(self.local_lights) else "",
+            "generated/bsdf.glsl": f'#include "surface/bsdf_{self._bsdf()}.glsl"\n',
             "generated/texture.glsl": '#include "surface/texture.glsl"\n',
             "generated/lens.glsl": LENS_PIECE if self.camera.aperture_radius > 0 else "",
             "generated/filter.glsl": "" if self.config.filter.kind == "box" else FILTER_PIECE,

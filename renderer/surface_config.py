@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from weft.files.input_file import InputFile
 
-from .settings import Reflectance, Settings, Vector
+from .settings import Reflectance, Settings, Share, Vector
 
 
 class DiffuseMaterial(Settings):
@@ -21,7 +21,37 @@ class DiffuseMaterial(Settings):
     """PNG or JPEG in sRGB over u, v; repeated outside of [0, 1], v upward."""
 
 
-Material = DiffuseMaterial
+class PrincipledMaterial(Settings):
+    """Disney's principled BRDF (Burley 2012)."""
+
+    kind: Literal["principled"] = "principled"
+    color: Reflectance = (0.5, 0.5, 0.5)
+    """Linear RGB base color; a texture is multiplied by it."""
+    texture: InputFile | None = None
+    """PNG or JPEG in sRGB over u, v; repeated outside of [0, 1], v upward."""
+    subsurface: Share = 0.0
+    """Diffuse shape of a subsurface approximation."""
+    metallic: Share = 0.0
+    """0 dielectric, 1 metal."""
+    specular: Share = 0.5
+    """Specular reflection at normal incidence, in units of 8 percent."""
+    specular_tint: Share = 0.0
+    """Of the specular reflection toward the base color."""
+    roughness: Share = 0.5
+    """Of diffuse and specular response; the width of highlights is its square."""
+    anisotropic: Share = 0.0
+    """Stretches highlights along the texture's u."""
+    sheen: Share = 0.0
+    """Light at grazing angles, as of cloth."""
+    sheen_tint: Share = 0.5
+    """Of the sheen toward the base color."""
+    clearcoat: Share = 0.0
+    """A second, colorless specular layer."""
+    clearcoat_gloss: Share = 1.0
+    """0 satin, 1 gloss."""
+
+
+Material = Annotated[DiffuseMaterial | PrincipledMaterial, Field(discriminator="kind")]
 
 
 class Placement(Settings):

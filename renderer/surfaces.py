@@ -13,12 +13,18 @@ from weft.files.errors import InputError
 from .bvh import Bvh, build_bvh, empty_bvh
 from .local_lights import LocalLight, light_shapes
 from .mesh import TRIANGLE, Triangles, ground_triangles, joined, mesh_triangles
-from .surface_config import GroundSurface, Material, Surface
+from .surface_config import GroundSurface, Material, PrincipledMaterial, Surface
 
 NODE_ROWS = 5
 TRIANGLE_ROWS = 3
 ATTRIBUTE_ROWS = 4
-MATERIAL_ROWS = 2
+MATERIAL_ROWS = 5
+PRINCIPLED = (
+    ("subsurface", "metallic", "specular", "specular_tint"),
+    ("roughness", "anisotropic", "sheen", "sheen_tint"),
+    ("clearcoat", "clearcoat_gloss"),
+)
+"""Rows 2 to 4 of a principled material."""
 NO_TEXTURE = 0xFFFFFFFF
 
 
@@ -31,6 +37,8 @@ class SurfaceTable:
     """First row of `nodes`, `triangles`, `attributes`, `materials`, `texels`."""
     triangle_count: int
     textured: bool
+    principled: bool
+    """Whether any material is."""
 
 
 def build_surface_table(
@@ -65,7 +73,11 @@ def build_surface_table(
     ends = np.cumsum([0, *(len(part) for part in parts.values())]).tolist()
     rows = np.concatenate(list(parts.values()))
     return SurfaceTable(
-        rows, dict(zip(parts, ends, strict=False)), len(triangles), any(s.material.texture for s in surfaces)
+        rows,
+        dict(zip(parts, ends, strict=False)),
+        len(triangles),
+        any(surface.material.texture for surface in surfaces),
+        any(isinstance(surface.material, PrincipledMaterial) for surface in surfaces),
     )
 
 
@@ -118,13 +130,19 @@ def _attribute_rows(triangles: Triangles, order: np.ndarray) -> np.ndarray:
 
 
 def _material_rows(materials: Sequence[Material]) -> tuple[np.ndarray, np.ndarray]:
-    """Materials, (color, 0), (first texel, width, height, 0); and texels, four to a row, a picture once."""
+    """Materials, (color, 0), (first texel, width, height, 0), what `PRINCIPLED` says and then 1; and texels,
+    four to a row, a picture once.
+    """
     rows = np.zeros((len(materials), MATERIAL_ROWS, 4), np.float32)
     pictures: list[np.ndarray] = []
     known: dict[Path, tuple[int, int, int]] = {}
     for row, material in zip(rows, materials, strict=True):
         row[0, :3] = material.color
         row[1, 0] = _bits(np.array(NO_TEXTURE))
+        if isinstance(material, PrincipledMaterial):
+            for values, names in zip(row[2:], PRINCIPLED, strict=True):
+                values[: len(names)] = [getattr(material, name) for name in names]
+            row[4, 2] = 1
         if material.texture is None:
             continue
         if material.texture not in known:

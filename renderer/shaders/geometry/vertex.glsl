@@ -34,6 +34,20 @@ SurfaceVertex surface_vertex(uint triangle, vec3 origin, vec3 direction) {
                          vec2(dot(c, vec3(n0.w, n1.w, n2.w)), dot(c, v)), floatBitsToUint(lights[row].w));
 }
 
+// Unit vector along which u grows and v does not; zero where a triangle has no texture coordinates.
+vec3 surface_tangent(uint triangle) {
+    uint row = surface_triangles + 3u * triangle;
+    uint at = surface_attributes + 4u * triangle;
+    vec3 u = vec3(lights[at].w, lights[at + 1u].w, lights[at + 2u].w);
+    vec3 v = lights[at + 3u].xyz;
+    vec2 first = vec2(u.y - u.x, v.y - v.x);
+    vec2 second = vec2(u.z - u.x, v.z - v.x);
+    float area = first.x * second.y - first.y * second.x;
+    vec3 tangent = (second.y * lights[row + 1u].xyz - first.y * lights[row + 2u].xyz) * sign(area);
+    float size = length(tangent);
+    return size > 0.0 ? tangent / size : vec3(0.0);
+}
+
 // A point so far along `normal` that its rounding cannot lie behind the surface (Waechter and Binder 2019).
 vec3 off_surface(vec3 position, vec3 normal) {
     ivec3 steps = ivec3(256.0 * normal);

@@ -1,12 +1,34 @@
 // A path has met a surface: light sampling and a new direction, as scatter.glsl does for fibers.
 #include "geometry/vertex.glsl"
-#include "surface/diffuse.glsl"
+#include "generated/bsdf.glsl"  // surface/bsdf_diffuse.glsl or surface/bsdf_principled.glsl
 #include "generated/texture.glsl"  // surface/texture.glsl; empty where there are no textures
 #include "path/scatter.glsl"
+#constant SURFACE_PRINCIPLED
 #constant SURFACE_TEXTURES
 
+// x along the texture's u where that is known, z along the smooth normal.
+mat3 surface_frame(uint triangle, SurfaceVertex vertex) {
+    mat3 frame;
+    frame[2] = vertex.normal;
+    orthonormal_basis(vertex.normal, frame[0], frame[1]);
+#if SURFACE_PRINCIPLED
+    vec3 tangent = surface_tangent(triangle);
+    tangent -= dot(tangent, vertex.normal) * vertex.normal;
+    float size = length(tangent);
+    if (size > 1e-3) {
+        frame[0] = tangent / size;
+        frame[1] = cross(frame[2], frame[0]);
+    }
+#endif
+    return frame;
+}
+
+uint material_row(SurfaceVertex vertex) {
+    return surface_materials + 5u * vertex.material;
+}
+
 vec3 surface_color(SurfaceVertex vertex) {
-    uint row = surface_materials + 2u * vertex.material;
+    uint row = material_row(vertex);
     vec3 color = lights[row].rgb;
 #if SURFACE_TEXTURES
     uvec3 place = floatBitsToUint(lights[row + 1u].xyz);
@@ -37,7 +59,7 @@ void meet_light(inout Path p, uint light, vec3 normal) {
 void meet_surface(inout Path p) {
     SurfaceVertex vertex = surface_vertex(p.triangle, p.origin, p.direction);
 #if LOCAL_LIGHTS
-    uint emitter = floatBitsToUint(lights[surface_materials + 2u * vertex.material].w);
+    uint emitter = floatBitsToUint(lights[material_row(vertex)].w);
     if (emitter > 0u) {
         meet_light(p, emitter - 1u, vertex.normal);
         return;
@@ -52,9 +74,7 @@ void meet_surface(inout Path p) {
     p.bounce += 1u;
     p.origin = off_surface(vertex.position, vertex.flat_normal);
     p.origin_voxel = ON_SURFACE;
-    mat3 frame;
-    frame[2] = vertex.normal;
-    orthonormal_basis(vertex.normal, frame[0], frame[1]);
+    mat3 frame = surface_frame(p.triangle, vertex);
     vec3 wo = -p.direction * frame;
 
     uvec4 bits = random_words(p.rng);
@@ -62,14 +82,17 @@ void meet_surface(inout Path p) {
     LightSample light = light_sample(light_bits.xy, unit_interval(light_bits).zw, p.origin);
     vec3 wi = light.direction * frame;
     bool outside = dot(light.direction, vertex.flat_normal) > 0.0;
-    vec3 value = outside ? color * diffuse_eval(wo, wi) * max(wi.z, 0.0) : vec3(0.0);
-    vec3 carried = p.throughput * value * light.value * light_weight(light.pdf, diffuse_pdf(wo, wi));
+    Bsdf bsdf = bsdf_of(material_row(vertex), color);
+    float eval_pdf;
+    vec3 value = bsdf_eval(bsdf, wo, wi, eval_pdf);
+    if (!outside) value = vec3(0.0);
+    vec3 carried = p.throughput * value * light.value * light_weight(light.pdf, eval_pdf);
 
-    wi = diffuse_sample(wo, unit_interval(bits).xy);
-    p.phase_pdf = diffuse_pdf(wo, wi);
+    vec3 weight;
+    wi = bsdf_sample(bsdf, wo, unit_interval(bits).xyz, weight, p.phase_pdf);
     p.next_direction = without_zeros(normalize(frame * wi));
     bool inward = dot(p.next_direction, vertex.flat_normal) <= 0.0;  // smooth normals alone can send it there
-    p.throughput *= inward ? vec3(0.0) : color;
+    p.throughput *= inward ? vec3(0.0) : weight;
     uvec4 more = random_words(p.rng);
     p.next_depth = exponential(more.x);
     if (p.bounce >= roulette_start) roulette(p, more.y);
