@@ -177,6 +177,10 @@ class RenderConfig(Settings):
     """Width and height in pixels; at most 33 million pixels, whose sums take 5 GiB."""
     samples_per_pixel: int = Field(default=32, ge=1, le=2**24)
     """Paths per pixel."""
+    noise: float | None = Field(default=None, gt=0, lt=1)
+    """Stop at about this standard error of a pixel, relative to the picture's mean, in root mean square."""
+    time_s: float | None = Field(default=None, gt=0)
+    """Stop after about this time; like `noise`, with no more than `samples_per_pixel`."""
     seed: int = Field(default=0, ge=0, lt=2**32)
     """Random numbers are functions of seed, pixel, sample and dimension."""
     max_bounces: int = Field(default=1024, ge=1, lt=2**31)

@@ -30,6 +30,13 @@ class Film:
         """Add the sums of one pass over some pixels."""
         self.sums[:, first_pixel : first_pixel + sums.shape[1]] += sums
 
+    def relative_error(self) -> float:
+        """Standard error of a pixel's green, in root mean square over the picture, relative to its mean."""
+        n = self.samples
+        mean = self.sums[0, :, 1] / n
+        variance = np.maximum(self.sums[1, :, 1] / n - mean**2, 0) / max(n - 1, 1)
+        return float(np.sqrt(variance.mean()) / max(mean.mean(), 1e-30))
+
     def layers(self, voxel_size_mm: float) -> dict[str, np.ndarray]:
         """Named channels, float32, shape [height, width].
 

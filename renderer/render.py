@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,6 +24,8 @@ from .scene import Scattering, Scene, build_scene
 Progress = Callable[[float, str], None]
 PROGRESS_SECONDS = 0.25
 PIXELS_PER_PASS = 1 << 20
+TRIAL_SAMPLES = 8
+"""Samples per pixel by which `noise` and `time_s` decide how many more are taken."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,8 @@ class RenderStatistics:
     """What a picture cost, and what to distrust in it."""
 
     paths: int
+    samples_per_pixel: int
+    """Those in the picture."""
     scattering_events: int
     tracking_steps: int
     cut_paths: int
@@ -81,6 +86,7 @@ def run(
     counts = kernel.counts
     statistics = RenderStatistics(
         paths=counts.samples,
+        samples_per_pixel=film.samples,
         scattering_events=counts.scattering_events,
         tracking_steps=counts.steps,
         cut_paths=counts.cut_paths,
@@ -96,8 +102,35 @@ def run(
 
 
 def _expose(kernel: Kernel, scene: Scene, progress: Progress | None) -> Film:
-    """All samples of all pixels, in passes that fit the device."""
-    (_, top, width, height), spp = scene.config.window, scene.config.samples_per_pixel
+    """All samples of all pixels, in passes that fit the device.
+
+    Where `noise` or `time_s` decide how many, they decide by a trial whose samples are not used again: a
+    number that depended on the samples it counts would bias their mean.
+    """
+    config, first = scene.config, 0
+    spp = config.samples_per_pixel
+    if (config.noise is not None or config.time_s is not None) and spp > TRIAL_SAMPLES:
+        started = time.perf_counter()
+        trial = _trace(kernel, scene, range(TRIAL_SAMPLES), None)
+        spp = samples_needed(config, trial, time.perf_counter() - started)
+        first = TRIAL_SAMPLES
+    return _trace(kernel, scene, range(first, first + spp), progress)
+
+
+def samples_needed(config: RenderConfig, trial: Film, seconds: float) -> int:
+    """Samples per pixel that `noise` and `time_s` ask for, by a trial that took some seconds; the fewer of both."""
+    wished = [config.samples_per_pixel]
+    if config.noise is not None:
+        wished.append(math.ceil(trial.samples * (trial.relative_error() / config.noise) ** 2))
+    if config.time_s is not None:
+        wished.append(int((config.time_s - seconds) / seconds * trial.samples))
+    return max(min(wished), 2)
+
+
+def _trace(kernel: Kernel, scene: Scene, samples: range, progress: Progress | None) -> Film:
+    """These samples of all pixels."""
+    _, top, width, height = scene.config.window
+    spp = len(samples)
     options = kernel.options
     filtered = scene.config.filter.kind != "box"
     film = Film.empty(width, height, layers=scene.film_layers, filtered=filtered)
@@ -105,9 +138,9 @@ def _expose(kernel: Kernel, scene: Scene, progress: Progress | None) -> Film:
     rows_per_pass = options.rows_per_pass or max(1, PIXELS_PER_PASS // width)
     for first in range(0, height, rows_per_pass):
         rows = range(top + first, top + min(first + rows_per_pass, height))
-        for begin in range(0, spp, SAMPLES_PER_PASS):
-            samples = range(begin, min(begin + SAMPLES_PER_PASS, spp))
-            film.add(first * width, kernel.trace(rows, samples, tick=report.add))
+        for begin in range(samples.start, samples.stop, SAMPLES_PER_PASS):
+            part = range(begin, min(begin + SAMPLES_PER_PASS, samples.stop))
+            film.add(first * width, kernel.trace(rows, part, tick=report.add))
     film.samples = spp
     return film
 
@@ -126,7 +159,9 @@ class _Reporter:
             return
         self.last = now
         speed = self.done / max(now - self.started, 1e-9) / 1e6
-        self.progress(self.done / self.total, f"{self.done} of {self.total} paths, {speed:.3f} M/s")
+        left = (self.total - self.done) / max(self.done, 1) * (now - self.started)
+        detail = f"{self.done} of {self.total} paths, {speed:.3f} M/s, {left:.0f} s left"
+        self.progress(self.done / self.total, detail)
 
 
 def save(result: RenderResult, path: str | Path) -> None:
@@ -145,7 +180,7 @@ def attributes(result: RenderResult) -> dict[str, object]:
         "weft.version": _version(),
         "weft.config": text,
         "weft.configSha256": hashlib.sha256(text.encode()).hexdigest(),
-        "weft.samplesPerPixel": result.config.samples_per_pixel,
+        "weft.samplesPerPixel": s.samples_per_pixel,
         "weft.window": ", ".join(str(n) for n in result.config.window),
         "weft.seed": str(result.config.seed),
         "weft.device": s.device,

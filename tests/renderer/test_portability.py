@@ -14,7 +14,7 @@ from weft.renderer.gpu.shader_source import assemble
 from weft.renderer.kernel import voxel_pages_glsl
 from weft.renderer.light_config import QuadLight
 from weft.renderer.scene import IsotropicPhase, build_scene
-from weft.renderer.surface_config import GroundSurface
+from weft.renderer.surface_config import GroundSurface, PrincipledMaterial
 
 from .test_transport import TABLE
 from .volumes import random_grid, volume
@@ -23,7 +23,7 @@ VARIANTS = list(
     itertools.product(("exact", "delta"), ("projected", "isotropic"), ("fiber", "isotropic"), (1, 8), (0, 1))
 )
 EXTRAS = {
-    "surfaces": [GroundSurface()],
+    "surfaces": [GroundSurface(material=PrincipledMaterial())],
     "lights": [QuadLight(position_mm=(0, 9, 0), width_mm=1, height_mm=1, radiance=(1, 1, 1))],
     "filter": LanczosFilter(),
     "camera": PerspectiveCamera(aperture_radius_mm=0.1, aperture_blades=6),

@@ -56,6 +56,12 @@ value_of = probe(
 sample_of = probe([], "vec3 sample_of(vec4 a, vec4 b, vec2 c, vec3 wo, vec3 u)", prelude=WRAPPER)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _programs_end_with_the_module():
+    yield
+    value_of.program = sample_of.program = None
+
+
 def packed(name):
     values = [MATERIALS[name][key] for key in NAMES]
     return values[:4], values[4:8], values[8:]
