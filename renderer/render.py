@@ -118,7 +118,7 @@ def _expose(kernel: Kernel, scene: Scene, progress: Progress | None) -> Film:
 
 
 def samples_needed(config: RenderConfig, trial: Film, seconds: float) -> int:
-    """Samples per pixel that `noise` and `time_s` ask for, by a trial that took some seconds; the fewer of both."""
+    """The fewer of what `noise` and `time_s` ask for per pixel, by a trial that took some seconds."""
     wished = [config.samples_per_pixel]
     if config.noise is not None:
         wished.append(math.ceil(trial.samples * (trial.relative_error() / config.noise) ** 2))

@@ -1,4 +1,4 @@
-"""Stopping by noise or time: as many samples as it takes, chosen by a trial whose samples are not in the picture."""
+"""Stopping by noise or time: a trial says how many samples it takes, and is not in the picture."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_noise_comes_out_as_asked(noise):
 
 @pytest.mark.gl
 def test_the_trials_samples_are_not_in_the_picture():
-    """The picture is that of the samples after the trial: with as many from the start, other bits, same mean."""
+    """The picture is of the samples after them: as many from the start give other bits, the same mean."""
     stopped = render(noise=0.1)
     count = stopped.statistics.samples_per_pixel
     assert stopped.statistics.paths == 24 * 24 * (TRIAL_SAMPLES + count)
