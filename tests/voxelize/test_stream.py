@@ -218,3 +218,35 @@ def test_too_little_memory_is_refused_in_one_line(fibers, tmp_path):
         voxelize_to_files(tight, fibers, [tmp_path / "a.vdb"])
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+MEASURED = """
+import sys
+from pathlib import Path
+import numpy as np
+from weft.voxelize.config import VoxelizeConfig
+from weft.voxelize.sources import SegmentSource, load_kernels
+from weft.voxelize.stream import stream_source
+rng = np.random.default_rng(0)
+start = rng.uniform(-15, 15, (60_000, 3)).astype(np.float32)
+segments = np.stack([start, start + rng.normal(size=start.shape).astype(np.float32) * 0.3], axis=1)
+load_kernels()
+made = stream_source(
+    VoxelizeConfig(voxel_size_mm=0.05, memory_mb=float(sys.argv[2])),
+    SegmentSource(segments, fiber_radius_mm=0.005), [Path(sys.argv[1])], worker_count=2,
+)
+peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1]
+print(made.brick_count, int(peak) / 1024)
+"""
+
+
+@pytest.mark.proof
+def test_resident_memory_stays_within_bounds(tmp_path):
+    """A volume of several times the memory that is allowed."""
+    allowed = 600
+    command = [sys.executable, "-c", MEASURED, str(tmp_path / "a.vdb"), str(allowed)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
+    assert result.returncode == 0, result.stderr
+    bricks, peak_mb = map(float, result.stdout.splitlines()[-1].split())
+    assert bricks * 8192 / 2**20 > 1.5 * allowed
+    assert peak_mb < allowed
