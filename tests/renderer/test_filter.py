@@ -105,6 +105,27 @@ def test_an_edge_becomes_the_filters_integral(pixel_filter):
 
 
 @pytest.mark.gl
+def test_the_filter_reaches_along_both_axes():
+    """The same edge, lying: rows instead of columns, each with the sign of both weights."""
+    grid, pixels, chosen = uniform_grid((2, 2, 1), 500.0, (1, 0, 0)), 9, LanczosFilter()
+    camera = OrthographicCamera(position_mm=(0.4, 0.8, 5.0), target_mm=(0.4, 0.8, 0.0), frame_width_mm=0.32)
+    config = RenderConfig(
+        resolution=(64, pixels),
+        samples_per_pixel=256,
+        camera=camera,
+        lights=[ConstantLight()],
+        max_bounces=1,
+        filter=chosen,
+    )
+    seen = run(config, volume(grid), {"a": IsotropicPhase((0, 0, 0))}).layers["A"][::-1].astype(float)
+    f, radius = normalized(chosen), chosen.radius_px
+    middles = np.arange(pixels) - pixels // 2
+    expected = np.array([integrate.quad(f, -radius, np.clip(-m, -radius, radius))[0] for m in middles])
+    error = seen.std(axis=1, ddof=1) / 8
+    assert np.abs((seen.mean(axis=1) - expected) / np.maximum(error, 1e-5)).max() < 4.8
+
+
+@pytest.mark.gl
 def test_a_crop_has_the_bits_of_the_whole():
     grid = volume(uniform_grid((2, 2, 1), 0.3, (1, 2, 0)))
     config = RenderConfig(resolution=(24, 40), samples_per_pixel=3, filter=GaussianFilter())

@@ -144,6 +144,26 @@ def test_light_through_a_volume_reaches_the_ground_by_its_transmittance():
     assert picture_mean(result)[1] < 0.002
 
 
+@pytest.mark.parametrize("tracking", ["exact", "delta"])
+def test_a_surface_inside_of_a_volume_ends_the_fibers(tracking):
+    """A ground halfway through a voxel of a black slab, lit and seen through the 0.275 mm above it."""
+    density = 0.02
+    grid = volume(uniform_grid((4, 1, 4), density, (1, 0, 0)))
+    result = render(
+        [GroundSurface(material=WHITE, gap_mm=-0.125, size_mm=100)],
+        grid,
+        IsotropicPhase((0, 0, 0)),
+        lights=[DirectionalLight(direction=(0, 1, 0))],
+        max_bounces=1,
+        camera=looking_down(width=0.2, middle=(0.8, 0.0, 0.8)),
+        samples_per_pixel=256,
+        tracking=tracking,
+    )
+    transmittance = math.exp(-0.275 * projected_extinction(density, 0.0))
+    assert abs(z_score(result, transmittance**2 / math.pi)) < Z_LIMIT
+    assert picture_mean(result)[1] < 0.01 * transmittance**2 / math.pi
+
+
 def test_an_opaque_ball_hides_the_light(tmp_path):
     ball = MeshSurface(
         file=write_ball(tmp_path), material=WHITE, placements=[Placement(position_mm=(10, 5, 10))]
