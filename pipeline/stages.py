@@ -271,6 +271,7 @@ def _count(number: int, what: str) -> str:
 FIBER_CODE = ("fiber_model",)
 LOBE_CODE = (
     "fiber_model/scattering/phase.py",
+    "fiber_model/scattering/symmetric.py",
     "fiber_model/scattering/azimuthal.py",
     "fiber_model/scattering/longitudinal.py",
     "fiber_model/scattering/parameters.py",
