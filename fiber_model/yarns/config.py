@@ -259,7 +259,7 @@ class GarmentConfig(_Config):
     join_seams: bool = True
     """Yarns that meet in line at a seam go on as one; otherwise all end there."""
     hem_mm: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] = 0.0
-    """Depth of overcast stitches around the free borders; 0 leaves the cloth as it was cut."""
+    """Depth of overcast stitches around free borders and over seams where yarns end; 0 leaves them bare."""
 
 
 YarnsConfig = Annotated[

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.peers.numpy_fibers import stretch_points
+from tests.peers.plain_numpy_fibers import PlainFibers
 from weft.fiber_model.config import FibersConfig
 from weft.fiber_model.fiber_arrays import plan_yarn
 from weft.fiber_model.fiber_curves import strand_points
@@ -52,25 +53,28 @@ def test_points_per_second_against_numpy(preset: str, pytestconfig: pytest.Confi
     fibers, shape = _loop_of_yarn(preset, pytestconfig)
     everything = np.arange(fibers.stretch_count)
     some = everything[:: fibers.stretch_count // NUMPY_STRETCHES]
+    plain = PlainFibers(fibers, shape)
+    peers = {
+        "numpy, float64": plain.stretch_points,
+        "numpy tuned, float32": lambda stretch: stretch_points(fibers, stretch, shape),
+    }
     ours = strand_points(fibers, some)
-    theirs = np.concatenate([stretch_points(fibers, int(stretch), shape) for stretch in some])
-    worst = float(np.abs(ours.points - theirs).max())
-    assert worst < 5e-5  # the coordinates reach 60 mm, whose float32 spacing is 4e-6
-    millions, some_millions = fibers.stretch_point_counts().sum() / 1e6, len(theirs) / 1e6
-    rates = {name: [] for name in ("numpy", "one", "all")}
-    for _ in range(ROUNDS):  # interleaved, so that other load on the machine hits all three
-        peer = _seconds(lambda: [stretch_points(fibers, int(stretch), shape) for stretch in some])
-        rates["numpy"].append(some_millions / peer)
-        for name, threads in (("one", 1), ("all", cpu_threads())):
-            made = _seconds(lambda threads=threads: strand_points(fibers, everything, threads=threads))
+    for peer in peers.values():
+        theirs = np.concatenate([peer(int(stretch)) for stretch in some])
+        assert np.abs(ours.points - theirs).max() < 5e-5  # at 60 mm the spacing of float32 is 4e-6
+    millions, some_millions = fibers.stretch_point_counts().sum() / 1e6, len(ours.points) / 1e6
+    threads = {"one thread": 1, f"{cpu_threads()} threads": cpu_threads()}
+    rates: dict[str, list[float]] = {name: [] for name in [*peers, *threads]}
+    for _ in range(ROUNDS):  # interleaved, so that other load on the machine hits all of them
+        for name, peer in peers.items():
+            rates[name].append(some_millions / _seconds(lambda peer=peer: [peer(int(i)) for i in some]))
+        for name, count in threads.items():
+            made = _seconds(lambda count=count: strand_points(fibers, everything, threads=count))
             rates[name].append(millions / made)
-    numpy, one, all_cores = (np.array(rates[name]) for name in ("numpy", "one", "all"))
-    print(
-        f"\n{preset}: {millions:.1f} M points, at most {worst:.1e} mm from numpy's; medians of "
-        f"{ROUNDS} rounds: numpy {np.median(numpy):.2f} M/s, one thread {np.median(one):.0f} M/s "
-        f"({np.median(one / numpy):.1f} x), {cpu_threads()} threads {np.median(all_cores):.0f} M/s "
-        f"({np.median(all_cores / numpy):.1f} x, {all_cores.max() / numpy.max():.1f} x best against best)"
-    )
+    print(f"\n{preset}, medians of {ROUNDS} rounds, M points/s:")
+    for name, found in rates.items():
+        ratios = [f"{np.median(np.array(found) / rates[peer]):.1f} x {peer}" for peer in peers]
+        print(f"  {name}: {np.median(found):.1f}" + f" ({', '.join(ratios)})" * (name in threads))
 
 
 def test_points_summed_to_lengths(pytestconfig: pytest.Config) -> None:

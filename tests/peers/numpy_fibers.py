@@ -18,7 +18,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 def stretch_points(fibers: FiberSet, stretch: int, shape: FlyawayShape) -> np.ndarray:
     """All strands of one stretch, body fibers and then hairs [mm], float32, shape [point_count, 3]."""
-    return np.concatenate([_body(fibers, stretch, shape), _hairs(fibers, stretch, shape)])
+    return np.concatenate([_body(fibers, stretch, shape), hair_points(fibers, stretch, shape)])
 
 
 def _body(fibers: FiberSet, stretch: int, shape: FlyawayShape) -> np.ndarray:
@@ -31,16 +31,16 @@ def _body(fibers: FiberSet, stretch: int, shape: FlyawayShape) -> np.ndarray:
     count = yarn["plies"] * yarn["fibers_per_ply"]
     seats = fibers.seats[yarn["first_fiber"] + np.arange(count)]
     low = (yarn["migration_low"] * seats["radius"])[:, None]
-    peak = _peaks(fibers, int(piece["yarn"]), yarn, seats, index, shape)
+    peak = body_peaks(fibers, int(piece["yarn"]), yarn, seats, index, shape)
     migration = _turned(nodes["migration"], seats["migration"])[0]
     radius = low + np.float32(0.5) * (peak - low) * (migration + np.float32(1.0))
     x, y = _turned(nodes["twist"], seats["angle"])
     ply = _on_circle(np.arange(yarn["plies"], dtype=np.float32) / yarn["plies"])
     c, s = (np.repeat(part, yarn["fibers_per_ply"], axis=0) for part in _turned(nodes["ply"], ply))
-    return _placed(radius * x, radius * y, (c, s), yarn, nodes).reshape(-1, 3)
+    return placed(radius * x, radius * y, (c, s), yarn, nodes).reshape(-1, 3)
 
 
-def _peaks(
+def body_peaks(
     fibers: FiberSet, number: int, yarn: np.void, seats: np.ndarray, index: np.ndarray, shape: FlyawayShape
 ) -> np.ndarray:
     """Largest radius in the migration period of each fiber at each node."""
@@ -64,7 +64,7 @@ def _peaks(
     return np.take_along_axis(peaks, nth - nth.min(), axis=1)
 
 
-def _hairs(fibers: FiberSet, stretch: int, shape: FlyawayShape) -> np.ndarray:
+def hair_points(fibers: FiberSet, stretch: int, shape: FlyawayShape) -> np.ndarray:
     piece = fibers.stretches[stretch]
     yarn = fibers.yarns[piece["yarn"]]
     number = np.arange(piece["hairs"])
@@ -93,7 +93,7 @@ def _hairs(fibers: FiberSet, stretch: int, shape: FlyawayShape) -> np.ndarray:
     at = nodes["ply"]
     c = at[..., 0] * ply[..., 0] - at[..., 1] * ply[..., 1]
     s = at[..., 1] * ply[..., 0] + at[..., 0] * ply[..., 1]
-    return _placed(radius * np.cos(angle), radius * np.sin(angle), (c, s), yarn, nodes).reshape(-1, 3)
+    return placed(radius * np.cos(angle), radius * np.sin(angle), (c, s), yarn, nodes).reshape(-1, 3)
 
 
 def _between(nodes: np.ndarray, first: np.ndarray, t: np.ndarray) -> dict[str, np.ndarray]:
@@ -114,7 +114,7 @@ def _turned(phase: np.ndarray, by: np.ndarray) -> Pair:
     return c * bc - s * bs, s * bc + c * bs
 
 
-def _placed(x: np.ndarray, y: np.ndarray, ply: Pair, yarn: np.void, nodes: np.ndarray | dict) -> np.ndarray:
+def placed(x: np.ndarray, y: np.ndarray, ply: Pair, yarn: np.void, nodes: np.ndarray | dict) -> np.ndarray:
     """World points of places in the ply's unit disc, squeezed in tight bends; shape [..., 3]."""
     outward, sideways = yarn["center_radius"] + yarn["ellipse_short"] * x, yarn["ellipse_long"] * y
     c, s = ply

@@ -1,105 +1,130 @@
-"""Hems: a yarn that runs around each free border of a mesh in overcast stitches, over the cut ends."""
+"""Hems and seams: yarns in overcast stitches around free borders, and over seams where yarns end."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from weft.fiber_model.yarns.yarns import YarnSet
 
+from .borders import Border, chart_seams, free_borders
 from .surface_mesh import SurfaceMesh, unit_rows
 
 POINTS_PER_STITCH = 16
 PITCH_PER_RADIUS = 4.0
 """Distance of stitches along the border; neighbors leave a yarn's width between them."""
+FEWEST_STITCHES = 4
 
 
-def hem_yarns(
-    mesh: SurfaceMesh,
-    *,
-    depth_mm: float,
-    half_thickness_mm: float,
-    radius_mm: float,
-    offset_mm: float = 0.0,
-    type_name: str = "yarn",
+@dataclass(frozen=True)
+class Stitches:
+    """How far stitches reach; the centerlines of the cloth lie within a half thickness of its middle."""
+
+    depth_mm: float
+    """Into the cloth from its border, or to both sides of a seam."""
+    half_thickness_mm: float
+    radius_mm: float
+    offset_mm: float = 0.0
+    """Distance of the middle of the cloth from the surface."""
+
+    @property
+    def height_mm(self) -> float:
+        """Distance of the stitching yarn from the middle of the cloth: outside of all its yarns."""
+        return self.half_thickness_mm + 2 * self.radius_mm
+
+
+def hem_yarns(mesh: SurfaceMesh, stitches: Stitches, *, type_name: str = "yarn") -> YarnSet | None:
+    """One closed yarn for each free border; None where the mesh has none."""
+    return _stitched(mesh, free_borders(mesh), stitches, 2 * stitches.radius_mm, type_name)
+
+
+def seam_yarns(
+    mesh: SurfaceMesh, open_ends: np.ndarray, stitches: Stitches, *, type_name: str = "yarn"
 ) -> YarnSet | None:
-    """One closed yarn for each free border; None where the mesh has none.
+    """One yarn over each seam between charts at which some of `open_ends` [mm], shape [n, 3], lie."""
+    from scipy.spatial import cKDTree
 
-    The stitches reach `depth_mm` into the cloth, whose centerlines lie within `half_thickness_mm` of its
-    middle, and pass outside of them and of the border.
-    """
-    curves, uvs = [], []
+    seams = chart_seams(mesh)
+    if not len(open_ends) or not seams:
+        return None
+    ends = cKDTree(open_ends)
+    reach = stitches.depth_mm + stitches.height_mm + abs(stitches.offset_mm)
+    held = [seam for seam in seams if np.isfinite(_distances(mesh, seam, ends, reach)).any()]
+    return _stitched(mesh, held, stitches, stitches.depth_mm, type_name)
+
+
+def _distances(mesh: SurfaceMesh, seam: Border, ends: object, reach: float) -> np.ndarray:
+    """From places along the seam, `reach` apart at most, to the nearest end; infinite beyond `reach`."""
+    place, arc = _path(mesh, seam)
+    s = np.linspace(0, arc[-1], int(np.ceil(arc[-1] / reach)) + 1)
+    return ends.query(_at(s, arc, place), distance_upper_bound=reach)[0]  # type: ignore[attr-defined]
+
+
+def _stitched(
+    mesh: SurfaceMesh, borders: Sequence[Border], stitches: Stitches, outward_mm: float, type_name: str
+) -> YarnSet | None:
     normals = mesh.vertex_normals()
-    for half_edges in free_borders(mesh):
-        stitched = _overcast(
-            mesh, normals, half_edges, depth_mm, half_thickness_mm + 2 * radius_mm, radius_mm, offset_mm
-        )
-        if stitched is not None:
-            curves.append(stitched[0])
-            uvs.append(stitched[1])
+    made = [(_overcast(mesh, normals, border, stitches, outward_mm), border.closed) for border in borders]
+    curves = [(*curve, closed) for curve, closed in made if curve is not None]
     if not curves:
         return None
-    return YarnSet.checked(curves, closed=True, radius=radius_mm, type_names=(type_name,), surface_uv=uvs)
-
-
-def free_borders(mesh: SurfaceMesh) -> list[np.ndarray]:
-    """Half-edges (3 face + corner) around each border of the mesh, in order; cloth lies to their left."""
-    start, end = mesh.faces.reshape(-1), np.roll(mesh.faces, -1, axis=1).reshape(-1)
-    key = np.minimum(start, end) * len(mesh.vertices) + np.maximum(start, end)
-    _, index, count = np.unique(key, return_inverse=True, return_counts=True)
-    border = np.flatnonzero(count[index.reshape(-1)] == 1)
-    leaving = dict(zip(start[border].tolist(), border.tolist(), strict=True))
-    loops = []
-    while leaving:
-        first, half = next(iter(leaving.items()))
-        loop = []
-        while half is not None:
-            del leaving[int(start[half])]
-            loop.append(half)
-            half = leaving.get(int(end[half]))
-        if end[loop[-1]] == first:
-            loops.append(np.array(loop))
-    return loops
+    points, uv, closed = zip(*curves, strict=True)
+    return YarnSet.checked(
+        list(points),
+        closed=list(closed),
+        radius=stitches.radius_mm,
+        type_names=(type_name,),
+        surface_uv=list(uv),
+    )
 
 
 def _overcast(
-    mesh: SurfaceMesh,
-    normals: np.ndarray,
-    half_edges: np.ndarray,
-    depth: float,
-    height: float,
-    radius: float,
-    offset: float,
+    mesh: SurfaceMesh, normals: np.ndarray, border: Border, stitches: Stitches, outward: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Control points [mm] and (u, v) of one loop of stitches; None where the border is too short for any."""
-    face, corner = half_edges // 3, half_edges % 3
-    vertex = mesh.faces[face, corner]
-    place = mesh.vertices[vertex]
-    chord = np.roll(place, -1, axis=0) - place
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(chord, axis=1))])
-    stitches = round(float(arc[-1]) / (PITCH_PER_RADIUS * radius))
-    if stitches < 4:
+    """Control points [mm] and (u, v) of a row of stitches; None where the border is too short for any."""
+    face, corner = border.half_edges // 3, border.half_edges % 3
+    place, arc = _path(mesh, border)
+    count = round(float(arc[-1]) / (PITCH_PER_RADIUS * stitches.radius_mm))
+    if count < FEWEST_STITCHES:
         return None
-    along = unit_rows(chord + np.roll(chord, 1, axis=0))
-    normal = normals[vertex]
-    inward = unit_rows(np.cross(normal, along))
-    s = arc[-1] * np.arange(stitches * POINTS_PER_STITCH) / (stitches * POINTS_PER_STITCH)
-    turn = 2 * np.pi * np.arange(len(s)) / POINTS_PER_STITCH
+    normal = normals[_vertices(mesh, border)]
+    inward = unit_rows(np.cross(normal, _along(place, border.closed)))
+    turn = 2 * np.pi * np.arange(count * POINTS_PER_STITCH) / POINTS_PER_STITCH
+    s = arc[-1] * turn / (2 * np.pi * count)
     center, normal, inward = (_at(s, arc, values) for values in (place, normal, inward))
-    reach = 0.5 * depth * (1 + np.cos(turn)) - 2 * radius * 0.5 * (1 - np.cos(turn))
-    points = (
-        center
-        + reach[:, None] * unit_rows(inward)
-        + (offset + height * np.sin(turn))[:, None] * unit_rows(normal)
-    )
+    reach = 0.5 * stitches.depth_mm * (1 + np.cos(turn)) - 0.5 * outward * (1 - np.cos(turn))
+    height = stitches.offset_mm + stitches.height_mm * np.sin(turn)
+    points = center + reach[:, None] * unit_rows(inward) + height[:, None] * unit_rows(normal)
     if mesh.uv is None:
         return points, np.zeros((len(points), 2))
-    edge = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(half_edges) - 1)
+    edge = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(face) - 1)
     part = ((s - arc[edge]) / np.diff(arc)[edge])[:, None]
     here, there = mesh.uv[face, corner], mesh.uv[face, (corner + 1) % 3]
     return points, (1 - part) * here[edge] + part * there[edge]
 
 
+def _vertices(mesh: SurfaceMesh, border: Border) -> np.ndarray:
+    """From the first edge's start to the last one's end, which repeats the first on a loop."""
+    face, corner = border.half_edges // 3, border.half_edges % 3
+    return np.append(mesh.faces[face, corner], mesh.faces[face[-1], (corner[-1] + 1) % 3])
+
+
+def _path(mesh: SurfaceMesh, border: Border) -> tuple[np.ndarray, np.ndarray]:
+    """Places [mm] along the border, shape [n + 1, 3], and the arc length at each."""
+    place = mesh.vertices[_vertices(mesh, border)]
+    return place, np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+
+
+def _along(place: np.ndarray, closed: bool) -> np.ndarray:
+    """Unit direction of the border at each place, the mean of its two edges."""
+    chord = np.diff(place, axis=0)
+    before = np.concatenate([chord[-1:] if closed else chord[:1], chord])
+    after = np.concatenate([chord, chord[:1] if closed else chord[-1:]])
+    return unit_rows(before + after)
+
+
 def _at(s: np.ndarray, arc: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Vectors along the loop at arc lengths `s`, linear between its vertices, shape [n, 3]."""
-    closed = np.concatenate([values, values[:1]])
-    return np.stack([np.interp(s, arc, closed[:, axis]) for axis in range(3)], axis=1)
+    """Vectors at arc lengths `s`, linear between the border's vertices, shape [n, 3]."""
+    return np.stack([np.interp(s, arc, values[:, axis]) for axis in range(3)], axis=1)

@@ -19,7 +19,7 @@ from .chart_clip import Pieces, clip_to_chart
 from .chart_lookup import ChartLookup
 from .charts import Chart
 from .garment_report import report_garment
-from .hems import hem_yarns
+from .hems import Stitches, hem_yarns, seam_yarns
 from .seams import join_pieces
 from .surface_mesh import SurfaceMesh
 
@@ -65,7 +65,8 @@ def lay_on_mesh(
 ) -> YarnSet:
     """Cover every chart with `pattern`, `offset_mm` outside of the surface; the result carries a report.
 
-    With `hem_mm` stitches of that depth run around each free border, in the first yarn of the pattern.
+    With `hem_mm` stitches of that depth run around each free border, and over each seam where yarns end,
+    in the first yarn of the pattern.
     """
     normals = mesh.vertex_normals()
     fitted, parts = [], []
@@ -93,8 +94,8 @@ def lay_on_mesh(
         type_names=names,
         surface_uv=joined.uv,
     )
-    hem = _hem(mesh, laid, hem_mm, offset_mm) if hem_mm > 0 else None
-    yarns = yarns if hem is None else concatenate([yarns, hem])
+    if hem_mm > 0:
+        yarns = _hemmed(mesh, yarns, laid, hem_mm, offset_mm)
     return replace(yarns, report=report_garment(mesh, fitted, yarns, laid, joined))
 
 
@@ -201,15 +202,14 @@ def _chord_length(points: np.ndarray, offsets: np.ndarray) -> float:
     return float(chords.sum())
 
 
-def _hem(mesh: SurfaceMesh, laid: Laid, depth_mm: float, offset_mm: float) -> YarnSet | None:
-    return hem_yarns(
-        mesh,
-        depth_mm=depth_mm,
-        half_thickness_mm=laid.half_thickness_mm,
-        radius_mm=float(laid.radius[0]),
-        offset_mm=offset_mm,
-        type_name=laid.type_names[laid.yarn_type[0]],
-    )
+def _hemmed(mesh: SurfaceMesh, yarns: YarnSet, laid: Laid, depth_mm: float, offset_mm: float) -> YarnSet:
+    stitches = Stitches(depth_mm, laid.half_thickness_mm, float(laid.radius[0]), offset_mm)
+    name = laid.type_names[laid.yarn_type[0]]
+    first, last = yarns.offsets[:-1][~yarns.closed], yarns.offsets[1:][~yarns.closed] - 1
+    open_ends = yarns.points[np.concatenate([first, last])]
+    hem = hem_yarns(mesh, stitches, type_name=name)
+    seam = seam_yarns(mesh, open_ends, stitches, type_name=name)
+    return concatenate([yarns, *(part for part in (hem, seam) if part is not None)])
 
 
 def _moved(yarns: YarnSet, by: np.ndarray) -> YarnSet:
