@@ -11,7 +11,7 @@ import numpy as np
 from weft.files.errors import InputError
 
 if TYPE_CHECKING:
-    from weft.pipeline.cli import LookOptions, UnitOptions
+    from weft.pipeline.commands.options import LookOptions, UnitOptions
 
 Part = Literal["yarns", "fibers", "grid"]
 MAX_SIDE = 4096

@@ -1,0 +1,1 @@
+"""The commands of `weft`, a file per group; a module adds its commands to the app when imported."""

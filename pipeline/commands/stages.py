@@ -1,0 +1,129 @@
+"""`weft run`, and a command per stage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from .app import app
+from .options import NO_JOB_OPTIONS, NO_RUN_OPTIONS, JobOptions, RunOptions
+
+
+@app.command
+def run(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+    """Run the stages of a job that are stale, say why, and skip the rest.
+
+    Parameters
+    ----------
+    job
+        The TOML file of the job.
+    """
+    from weft.pipeline.config import load
+    from weft.pipeline.fit_stage import run_fit_first
+    from weft.pipeline.progress import reporter
+    from weft.pipeline.run import run_chain
+    from weft.pipeline.stages import CHAIN, targets
+
+    report = reporter(how.progress)
+    fitted = run_fit_first(job, options.overrides, options.output, report=report, force=how.force)
+    loaded = load(job, options.overrides, options.output)
+    names = [name for name in targets(loaded) if not (fitted and name == "fit")]
+    run_chain(loaded, CHAIN, names, report=report, force=how.force)
+
+
+def _run_stage(name: str, job: Path, options: JobOptions, how: RunOptions) -> None:
+    from weft.pipeline.config import load
+    from weft.pipeline.progress import reporter
+    from weft.pipeline.run import run_one
+    from weft.pipeline.stages import CHAIN
+
+    run_one(
+        load(job, options.overrides, options.output),
+        CHAIN,
+        name,
+        report=reporter(how.progress),
+        force=how.force,
+    )
+
+
+@app.command
+def yarns(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+    """Make the centerlines: read them, or weave or knit them. Writes yarns.npz.
+
+    Parameters
+    ----------
+    job
+        The TOML file of the job.
+    """
+    _run_stage("yarns", job, options, how)
+
+
+@app.command
+def fibers(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+    """Export the part of the fibers that [export] chooses, as curves. Writes fibers.npz or fibers.obj.
+
+    Parameters
+    ----------
+    job
+        The TOML file of the job.
+    """
+    _run_stage("fibers", job, options, how)
+
+
+@app.command
+def voxelize(
+    job: Path,
+    *,
+    plan: Annotated[bool, Parameter(negative=())] = False,
+    options: JobOptions = NO_JOB_OPTIONS,
+    how: RunOptions = NO_RUN_OPTIONS,
+) -> None:
+    """Make the sparse grid of fiber density and direction. Writes volume.vdb or volume.nvdb.
+
+    Parameters
+    ----------
+    job
+        The TOML file of the job.
+    plan
+        Only say how many bricks and bytes it will make and how long that will take.
+    """
+    if plan:
+        from weft.pipeline.config import load
+        from weft.pipeline.stages import plan_volume
+
+        for line in plan_volume(load(job, options.overrides, options.output)):
+            print(line)
+        return
+    _run_stage("voxelize", job, options, how)
+
+
+@app.command
+def fit(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+    """Fit scattering parameters to measurements. Writes fit.json and its report; looks at [fit] alone.
+
+    Parameters
+    ----------
+    job
+        The TOML file of the job.
+    """
+    from weft.pipeline.config import load
+    from weft.pipeline.fit_stage import FIT, FIT_TABLES
+    from weft.pipeline.progress import reporter
+    from weft.pipeline.run import run_one
+
+    loaded = load(job, options.overrides, options.output, only=FIT_TABLES)
+    run_one(loaded, {"fit": FIT}, "fit", report=reporter(how.progress), force=how.force)
+
+
+@app.command
+def render(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+    """Render the volume that is there. Writes image.exr and image.png.
+
+    Parameters
+    ----------
+    job
+        The TOML file of the job.
+    """
+    _run_stage("render", job, options, how)
