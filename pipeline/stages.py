@@ -140,9 +140,9 @@ def make_image(work: StageWork) -> dict[str, Any]:
     result = run(work.job.table("render"), volume, lobes, progress=work.progress)
     save(result, work.outputs["image"])
     statistics = result.statistics
-    width, height = result.config.resolution
+    _, _, width, height = result.config.window
     return {
-        "summary": f"{width} x {height}, {result.config.samples_per_pixel} samples per pixel, "
+        "summary": f"{width} x {height}, {statistics.samples_per_pixel} samples per pixel, "
         f"{statistics.paths / max(statistics.seconds, 1e-9) / 1e6:.3g} M paths/s on {statistics.device}",
         **_plain(statistics),
     }

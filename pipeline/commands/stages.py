@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,10 +10,17 @@ from cyclopts import Parameter
 
 from .app import app
 from .options import NO_JOB_OPTIONS, NO_RUN_OPTIONS, JobOptions, RunOptions
+from .render_options import NO_PICTURE_OPTIONS, PictureOptions
 
 
 @app.command
-def run(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+def run(
+    job: Path,
+    *,
+    picture: PictureOptions = NO_PICTURE_OPTIONS,
+    options: JobOptions = NO_JOB_OPTIONS,
+    how: RunOptions = NO_RUN_OPTIONS,
+) -> None:
     """Run the stages of a job that are stale, say why, and skip the rest.
 
     Parameters
@@ -27,8 +35,9 @@ def run(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO
     from weft.pipeline.stages import CHAIN, targets
 
     report = reporter(how.progress)
-    fitted = run_fit_first(job, options.overrides, options.output, report=report, force=how.force)
-    loaded = load(job, options.overrides, options.output)
+    overrides = (*options.overrides, *picture.overrides())
+    fitted = run_fit_first(job, overrides, options.output, report=report, force=how.force)
+    loaded = load(job, overrides, options.output)
     names = [name for name in targets(loaded) if not (fitted and name == "fit")]
     run_chain(loaded, CHAIN, names, report=report, force=how.force)
 
@@ -118,7 +127,13 @@ def fit(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO
 
 
 @app.command
-def render(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+def render(
+    job: Path,
+    *,
+    picture: PictureOptions = NO_PICTURE_OPTIONS,
+    options: JobOptions = NO_JOB_OPTIONS,
+    how: RunOptions = NO_RUN_OPTIONS,
+) -> None:
     """Render the volume that is there. Writes image.exr and image.png.
 
     Parameters
@@ -126,4 +141,5 @@ def render(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions =
     job
         The TOML file of the job.
     """
-    _run_stage("render", job, options, how)
+    overrides = (*options.overrides, *picture.overrides())
+    _run_stage("render", job, replace(options, overrides=overrides), how)
