@@ -44,6 +44,7 @@ def _checked(job: Job, names: list[str]) -> Iterator[str]:
             yield from _memory(job, yarns)
     if "render" in names:
         yield from _environments(job)
+        yield from _surfaces(job)
     for name in names:
         yield f"{name}: {_state(job, name)}"
 
@@ -104,6 +105,15 @@ def _environments(job: Job) -> Iterator[str]:
         if light.kind == "environment":
             height, width, _ = load_environment(light.file).shape
             yield f"render: {shown(light.file)} is {width} x {height}"
+
+
+def _surfaces(job: Job) -> Iterator[str]:
+    """Read the meshes, and as much of textures and measured tables as tells whether they can be drawn."""
+    from weft.renderer.surface_files import check_surface_files
+
+    yield from (
+        f"render: {shown(path)} has {what}" for path, what in check_surface_files(job.table("render"))
+    )
 
 
 def _state(job: Job, name: str) -> str:

@@ -106,12 +106,13 @@ class Scene:
         }
 
     def _bsdf(self) -> str:
-        return "principled" if self.surfaces and self.surfaces.principled else "diffuse"
+        return self.surfaces.kinds.bsdf if self.surfaces else "diffuse"
+
+    def _merl(self) -> str:
+        return '#include "surface/merl.glsl"\n' if self.surfaces and self.surfaces.kinds.measured else ""
 
     def _surface_constants(self) -> dict[str, Constant]:
-        if self.surfaces is None:
-            return {}
-        return {"SURFACE_TEXTURES": self.surfaces.textured, "SURFACE_PRINCIPLED": self.surfaces.principled}
+        return {} if self.surfaces is None else dict(self.surfaces.kinds.constants)
 
     def _surface_uniforms(self) -> dict[str, int]:
         if self.surfaces is None:
@@ -134,6 +135,7 @@ class Scene:
             "generated/surfaces.glsl": "" if self.surfaces is None else SURFACE_PIECE,
             "generated/local_lights.glsl": '#include "light/local.glsl"\n' if len(self.local_lights) else "",
             "generated/bsdf.glsl": f'#include "surface/bsdf_{self._bsdf()}.glsl"\n',
+            "generated/merl.glsl": self._merl(),
             "generated/texture.glsl": '#include "surface/texture.glsl"\n',
             "generated/lens.glsl": LENS_PIECE if self.camera.aperture_radius > 0 else "",
             "generated/filter.glsl": "" if self.config.filter.kind == "box" else FILTER_PIECE,

@@ -51,7 +51,15 @@ class PrincipledMaterial(Settings):
     """0 satin, 1 gloss."""
 
 
-Material = Annotated[DiffuseMaterial | PrincipledMaterial, Field(discriminator="kind")]
+class MerlMaterial(Settings):
+    """A measured isotropic BRDF of the MERL database (Matusik et al. 2003), on both sides."""
+
+    kind: Literal["merl"] = "merl"
+    file: InputFile
+    """A .binary file of 90 x 90 x 180 cells."""
+
+
+Material = Annotated[DiffuseMaterial | PrincipledMaterial | MerlMaterial, Field(discriminator="kind")]
 
 
 class Placement(Settings):

@@ -4,28 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from weft.files.errors import InputError
-
 from .bvh import Bvh, build_bvh, empty_bvh
 from .local_lights import LocalLight, light_shapes
+from .materials import MATERIAL_ROWS, MaterialKinds, float_bits, material_kinds, material_rows
 from .mesh import TRIANGLE, Triangles, ground_triangles, joined, mesh_triangles
-from .surface_config import GroundSurface, Material, PrincipledMaterial, Surface
+from .surface_config import GroundSurface, Surface
 
 NODE_ROWS = 5
 TRIANGLE_ROWS = 3
 ATTRIBUTE_ROWS = 4
-MATERIAL_ROWS = 5
-PRINCIPLED = (
-    ("subsurface", "metallic", "specular", "specular_tint"),
-    ("roughness", "anisotropic", "sheen", "sheen_tint"),
-    ("clearcoat", "clearcoat_gloss"),
-)
-"""Rows 2 to 4 of a principled material."""
-NO_TEXTURE = 0xFFFFFFFF
 
 
 @dataclass(frozen=True)
@@ -34,11 +24,9 @@ class SurfaceTable:
 
     rows: np.ndarray
     offsets: dict[str, int]
-    """First row of `nodes`, `triangles`, `attributes`, `materials`, `texels`."""
+    """First row of `nodes`, `triangles`, `attributes`, `materials`, `texels`, `measured`."""
     triangle_count: int
-    textured: bool
-    principled: bool
-    """Whether any material is."""
+    kinds: MaterialKinds
 
 
 def build_surface_table(
@@ -61,7 +49,7 @@ def build_surface_table(
     # what the device sees, which is rounded to 32 bits
     corners = ((triangles.corners - corner_mm) / voxel_size_mm).astype(np.float32).astype(np.float64)
     bvh = _hierarchy(corners, triangles.shape)
-    materials, texels = _material_rows([surface.material for surface in surfaces])
+    materials, texels, measured = material_rows([surface.material for surface in surfaces])
     materials = np.concatenate([materials, _light_materials(len(lights))])
     parts = {
         "nodes": _node_rows(bvh),
@@ -69,6 +57,7 @@ def build_surface_table(
         "attributes": _attribute_rows(triangles, bvh.order),
         "materials": materials,
         "texels": texels,
+        "measured": measured,
     }
     ends = np.cumsum([0, *(len(part) for part in parts.values())]).tolist()
     rows = np.concatenate(list(parts.values()))
@@ -76,8 +65,7 @@ def build_surface_table(
         rows,
         dict(zip(parts, ends, strict=False)),
         len(triangles),
-        any(surface.material.texture for surface in surfaces),
-        any(isinstance(surface.material, PrincipledMaterial) for surface in surfaces),
+        material_kinds([surface.material for surface in surfaces]),
     )
 
 
@@ -99,7 +87,7 @@ def _hierarchy(corners: np.ndarray, shape: np.ndarray) -> Bvh:
 def _light_materials(count: int) -> np.ndarray:
     """One for each light: (0, 0, 0, 1 + its index)."""
     rows = np.zeros((count, MATERIAL_ROWS, 4), np.float32)
-    rows[:, 0, 3] = _bits(np.arange(1, count + 1))
+    rows[:, 0, 3] = float_bits(np.arange(1, count + 1))
     return rows.reshape(-1, 4)
 
 
@@ -107,7 +95,7 @@ def _node_rows(bvh: Bvh) -> np.ndarray:
     """(lower, first triangle), (upper, triangle count), links of two directions in each of three."""
     rows = np.empty((len(bvh.first), NODE_ROWS, 4), np.float32)
     rows[:, 0, :3], rows[:, 1, :3] = bvh.lower, bvh.upper  # both are float32 already
-    rows[:, 0, 3], rows[:, 1, 3] = _bits(bvh.first), _bits(bvh.count)
+    rows[:, 0, 3], rows[:, 1, 3] = float_bits(bvh.first), float_bits(bvh.count)
     rows[:, 2:] = bvh.links.view(np.float32).reshape(-1, 3, 4)
     return rows.reshape(-1, 4)
 
@@ -115,7 +103,7 @@ def _node_rows(bvh: Bvh) -> np.ndarray:
 def _triangle_rows(corners: np.ndarray, triangles: Triangles, order: np.ndarray) -> np.ndarray:
     """(corner, material), (first edge, shape), (second edge, 0)."""
     rows = np.zeros((len(corners), TRIANGLE_ROWS, 4), np.float32)
-    rows[:, 0, :3], rows[:, 0, 3] = corners[order, 0], _bits(triangles.material[order])
+    rows[:, 0, :3], rows[:, 0, 3] = corners[order, 0], float_bits(triangles.material[order])
     rows[:, 1:, :3] = corners[order, 1:] - corners[order, :1]
     rows[:, 1, 3] = triangles.shape[order]
     return rows.reshape(-1, 4)
@@ -127,48 +115,3 @@ def _attribute_rows(triangles: Triangles, order: np.ndarray) -> np.ndarray:
     rows[:, :3, :3], rows[:, :3, 3] = triangles.normals[order], triangles.uvs[order, :, 0]
     rows[:, 3, :3] = triangles.uvs[order, :, 1]
     return rows.reshape(-1, 4)
-
-
-def _material_rows(materials: Sequence[Material]) -> tuple[np.ndarray, np.ndarray]:
-    """Materials, (color, 0), (first texel, width, height, 0), what `PRINCIPLED` says and then 1; and texels,
-    four to a row, a picture once.
-    """
-    rows = np.zeros((len(materials), MATERIAL_ROWS, 4), np.float32)
-    pictures: list[np.ndarray] = []
-    known: dict[Path, tuple[int, int, int]] = {}
-    for row, material in zip(rows, materials, strict=True):
-        row[0, :3] = material.color
-        row[1, 0] = _bits(np.array(NO_TEXTURE))
-        if isinstance(material, PrincipledMaterial):
-            for values, names in zip(row[2:], PRINCIPLED, strict=True):
-                values[: len(names)] = [getattr(material, name) for name in names]
-            row[4, 2] = 1
-        if material.texture is None:
-            continue
-        if material.texture not in known:
-            texels = read_texture(material.texture)
-            known[material.texture] = (sum(p.size for p in pictures), *texels.shape[::-1])
-            pictures.append(texels)
-        row[1, :3] = _bits(np.array(known[material.texture]))
-    flat = np.concatenate([p.ravel() for p in pictures]) if pictures else np.zeros(0, np.uint32)
-    padded = np.concatenate([flat, np.zeros(-len(flat) % 4, np.uint32)])
-    return rows.reshape(-1, 4), padded.view(np.float32).reshape(-1, 4)
-
-
-def read_texture(path: Path) -> np.ndarray:
-    """sRGB texels, red in the lowest byte, uint32, shape [height, width], the first row at v = 0."""
-    from PIL import Image
-
-    if not Path(path).is_file():
-        raise InputError("no such file.", path=path)
-    try:
-        with Image.open(path) as picture:
-            rgb = np.asarray(picture.convert("RGB"), np.uint32)[::-1]
-    except (OSError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"not a readable picture: {error}.", path=path) from error
-    return np.ascontiguousarray(rgb[..., 0] | rgb[..., 1] << 8 | rgb[..., 2] << 16)
-
-
-def _bits(values: np.ndarray) -> np.ndarray:
-    """Whole numbers as the floats that hold their bits."""
-    return np.asarray(values).astype(np.uint32).view(np.float32)

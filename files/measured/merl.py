@@ -57,14 +57,19 @@ class MerlTable:
         return np.where(seen[:, None], found, 0.0)
 
 
-def read_merl(path: str | Path) -> MerlTable:
-    """Read a .binary file. Raises `InputError` for another size, another resolution, numbers not finite."""
-    path = Path(path)
+def check_merl_header(path: Path) -> None:
+    """Raises `InputError` for another size or another resolution; reads twelve bytes."""
     refuse_other_size(path, FILE_BYTES, "a MERL .binary file")
     cells = struct.unpack("<3i", read_bytes(path, HEADER_BYTES))
     if cells != CELLS:
         what = f"a table of {' x '.join(map(str, cells))} cells; MERL's have 90 x 90 x 180"
         raise InputError(what, path=path, place="byte 0")
+
+
+def read_merl(path: str | Path) -> MerlTable:
+    """Read a .binary file. Raises `InputError` for another size, another resolution, numbers not finite."""
+    path = Path(path)
+    check_merl_header(path)
     numbers = read_doubles(path, 3 * CELLS[0] * CELLS[1] * CELLS[2], start=HEADER_BYTES)
     return MerlTable(numbers.astype(np.float64, copy=False).reshape(3, *CELLS))
 

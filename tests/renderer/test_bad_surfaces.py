@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from weft.files.errors import InputError
+from weft.files.measured.merl import FILE_BYTES
+from weft.renderer.config import RenderConfig
+from weft.renderer.materials import read_texture
 from weft.renderer.mesh import ground_triangles, load_mesh
-from weft.renderer.surface_config import GroundSurface
-from weft.renderer.surfaces import read_texture
+from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MerlMaterial, MeshSurface
+from weft.renderer.surface_files import check_surface_files
+
+from .meshes import write_ball
 
 
 def obj(tmp_path, text):
@@ -55,3 +61,25 @@ def test_a_missing_or_broken_texture(tmp_path):
 def test_a_ground_without_a_normal():
     with pytest.raises(InputError, match="normal is zero"):
         ground_triangles(GroundSurface(normal=(0, 0, 0)), np.array([[0.0, 0, 0], [1, 1, 1]]), 0)
+
+
+def test_checking_a_scene_reads_each_file_once_and_refuses_the_missing(tmp_path):
+    ball = write_ball(tmp_path, subdivisions=1)
+    Image.new("RGB", (5, 4)).save(tmp_path / "t.png")
+    paint = DiffuseMaterial(texture=tmp_path / "t.png")
+    table = tmp_path / "m.binary"
+    table.write_bytes(b"short")
+    surfaces = [
+        MeshSurface(file=ball, material=paint),
+        MeshSurface(file=ball, material=paint),
+        GroundSurface(material=MerlMaterial(file=table)),
+    ]
+    lines = check_surface_files(RenderConfig(surfaces=surfaces))
+    assert next(lines) == (ball, "80 triangles")
+    assert next(lines) == (tmp_path / "t.png", "5 x 4 pixels")
+    with pytest.raises(InputError, match="Is it truncated"):
+        next(lines)
+    with open(table, "wb") as file:  # the header tells enough: no need to read 35 MB of zeros
+        file.truncate(FILE_BYTES)
+    with pytest.raises(InputError, match="0 x 0 x 0 cells"):
+        list(check_surface_files(RenderConfig(surfaces=surfaces)))

@@ -18,11 +18,11 @@ from weft.renderer.config import (
     StudioLight,
 )
 from weft.renderer.kernel import KernelOptions
+from weft.renderer.materials import read_texture
 from weft.renderer.mesh import load_mesh
 from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MeshSurface, Placement
-from weft.renderer.surfaces import read_texture
 
 from .meshes import first_hits, write_ball
 from .probe import probe

@@ -1,6 +1,6 @@
 // A path has met a surface: light sampling and a new direction, as scatter.glsl does for fibers.
 #include "geometry/vertex.glsl"
-#include "generated/bsdf.glsl"  // surface/bsdf_diffuse.glsl or surface/bsdf_principled.glsl
+#include "generated/bsdf.glsl"  // surface/bsdf_diffuse.glsl or surface/bsdf_mixed.glsl
 #include "generated/texture.glsl"  // surface/texture.glsl; empty where there are no textures
 #include "path/scatter.glsl"
 #constant SURFACE_PRINCIPLED

@@ -46,6 +46,7 @@ uniform uint surface_triangles;
 uniform uint surface_attributes;
 uniform uint surface_materials;
 uniform uint surface_texels;
+uniform uint surface_measured;
 
 const uint COUNTER_PIXEL = 0u;
 
