@@ -85,9 +85,27 @@ class Kernel:
         self.lane_count = self.options.lane_count or default_lane_count(self.context)
         self.lane_count = -(-self.lane_count // GROUP_SIZE) * GROUP_SIZE
         self.rounds = min(self.options.rounds_per_dispatch or 4, self.most_rounds)
+        self.lights, self.media = self._upload_lights(), self._upload_media()
         self._upload()
         self.program = self._compile()
         set_uniforms(self.program, self.scene.uniforms() | {"lane_count": self.lane_count})
+
+    def change(self, scene: Scene) -> None:
+        """Another camera, size, light or scattering of the same volume; compiles anew only other code."""
+        before, self.scene = self.scene, scene
+        if scene.light_table is not before.light_table:
+            self.lights.release()
+            self.lights = self._upload_lights()
+        if scene.phase is not before.phase:
+            self.media.release()
+            self.media = self._upload_media()
+        if (scene.surfaces is None) != (before.surfaces is None):
+            self.states.release()
+            self._reserve_states()
+        if (scene.constants(), scene.pieces()) != (before.constants(), before.pieces()):
+            self.program.release()
+            self.program = self._compile()
+        set_uniforms(self.program, scene.uniforms() | {"lane_count": self.lane_count})
 
     def trace(self, rows: range, samples: range, *, tick: Callable[[int], None] | None = None) -> np.ndarray:
         """Film sums over `samples` of some rows of the picture, float32, shape [layer_count, pixel_count, 4].
@@ -169,11 +187,20 @@ class Kernel:
         self.pages = [buffers.upload(ctx, page, name="the voxels") for page in pages]
         self.cells = buffers.upload(ctx, pool.cells, name="the cells")
         self.bricks = buffers.upload(ctx, brick_records(pool, self.scene.extinction_scale), name="the bricks")
-        self.lights = buffers.upload(ctx, self.scene.tables, name="the lights and surfaces")
-        self.media = buffers.upload(ctx, self.scene.phase.parameters, name="the scattering parameters")
-        self.state_words = STATE_WORDS + (self.scene.surfaces is not None)
-        self.states = buffers.reserve(ctx, self.lane_count * self.state_words * 16, name="the paths")
+        self._reserve_states()
         self.counters = buffers.upload(ctx, np.zeros(8, np.uint32), name="the counters")
+
+    def _reserve_states(self) -> None:
+        self.state_words = STATE_WORDS + (self.scene.surfaces is not None)
+        size = self.lane_count * self.state_words * 16
+        self.states = buffers.reserve(self.context, size, name="the paths")
+
+    def _upload_lights(self) -> moderngl.Buffer:
+        return buffers.upload(self.context, self.scene.tables, name="the lights and surfaces")
+
+    def _upload_media(self) -> moderngl.Buffer:
+        name = "the scattering parameters"
+        return buffers.upload(self.context, self.scene.phase.parameters, name=name)
 
     def _bind(self) -> None:
         named = (

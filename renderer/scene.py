@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from weft.voxelize.grid import FiberVolume
 
 from .brick_pool import BrickPool, build_brick_pool
 from .camera import CameraFrame, place_camera
-from .config import RenderConfig
+from .config import Light, RenderConfig
 from .film import FILM_LAYERS, SURFACE_FILM_LAYERS
 from .gpu.shader_source import Constant
 from .lights import LightTable, LocalValues, build_light_table
@@ -183,11 +184,25 @@ def build_scene(config: RenderConfig, volume: FiberVolume, scattering: Mapping[s
     pool = build_brick_pool(list(volume.grids.values()))
     bounds = np.asarray(volume.bounds_mm)
     camera = place_camera(config.camera, bounds, config.resolution)
+    return Scene(config, pool, camera, phase=phase, **_lighting(config, pool, camera.axes, bounds))
+
+
+def lit_scene(scene: Scene, lights: Sequence[Light], axes: np.ndarray, bounds: np.ndarray) -> Scene:
+    """The scene under other lights; those that belong to a camera turn with `axes`. `bounds` [mm], [2, 3]."""
+    config = scene.config.model_copy(update={"lights": tuple(lights)})
+    return replace(scene, config=config, **_lighting(config, scene.pool, axes, bounds))
+
+
+def _lighting(config: RenderConfig, pool: BrickPool, axes: np.ndarray, bounds: np.ndarray) -> dict[str, Any]:
+    """Fields of a scene that its lights decide. Surfaces belong to them: a quad light is one."""
     local = local_lights(config.lights, bounds.mean(axis=0))
-    surfaces = build_surface_table(config.surfaces, local, bounds, pool.corner_mm, pool.voxel_size_mm)
-    table = build_light_table(config.lights, camera.axes, _local_values(local, bounds, pool.voxel_size_mm))
-    rows = light_rows(local, pool.corner_mm, pool.voxel_size_mm)
-    return Scene(config, pool, camera, table, phase, surfaces, rows)
+    return {
+        "light_table": build_light_table(
+            config.lights, axes, _local_values(local, bounds, pool.voxel_size_mm)
+        ),
+        "surfaces": build_surface_table(config.surfaces, local, bounds, pool.corner_mm, pool.voxel_size_mm),
+        "local_lights": light_rows(local, pool.corner_mm, pool.voxel_size_mm),
+    }
 
 
 def _local_values(local: list[LocalLight], bounds: np.ndarray, voxel_size_mm: float) -> LocalValues:

@@ -1,0 +1,60 @@
+"""Lights turned around the cloth: all kinds by the same angle in the same direction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from weft.renderer.config import (
+    ConstantLight,
+    DirectionalLight,
+    EnvironmentLight,
+    QuadLight,
+    SkyLight,
+    SpotLight,
+    StudioLight,
+)
+from weft.renderer.environment import build_environment, texel_directions
+from weft.renderer.image import write_exr
+from weft.renderer.turned_lights import rotation_about_y, turned_lights
+
+MIDDLE = np.array([1.0, 2.0, 3.0])
+
+
+def brightest(lights, axes):
+    """Direction to the brightest texel."""
+    picture = build_environment(lights, axes)
+    return texel_directions(len(picture)).reshape(-1, 3)[picture.sum(axis=-1).argmax()]
+
+
+def test_an_environment_turns_as_a_directional_light_does(tmp_path):
+    picture = np.zeros((16, 32), np.float32)
+    picture[5, 3] = 1.0
+    write_exr(tmp_path / "spot.exr", dict.fromkeys("RGB", picture), {})
+    environment = EnvironmentLight(file=tmp_path / "spot.exr")
+    sun = DirectionalLight(direction=tuple(brightest([environment], np.eye(3))))
+    turned, turned_sun = turned_lights([environment, sun], 90.0, MIDDLE)
+    np.testing.assert_allclose(brightest([turned], np.eye(3)), turned_sun.direction, atol=1e-6)
+
+
+def test_a_studio_turns_with_the_cameras_axes():
+    turn = rotation_about_y(90.0)
+    before, after = brightest([StudioLight()], np.eye(3)), brightest([StudioLight()], np.eye(3) @ turn.T)
+    np.testing.assert_allclose(after, turn @ before, atol=0.03)
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        SpotLight(position_mm=(1.0, 2.0, 13.0), intensity=(1.0, 1.0, 1.0)),
+        QuadLight(position_mm=(1.0, 2.0, 13.0), radiance=(1.0, 1.0, 1.0), width_mm=1.0, height_mm=1.0),
+    ],
+)
+def test_lights_go_around_the_middle_counterclockwise_seen_from_above(light):
+    (turned,) = turned_lights([light], 90.0, MIDDLE)
+    np.testing.assert_allclose(turned.position_mm, (11.0, 2.0, 3.0), atol=1e-12)
+
+
+def test_what_has_no_side_stays():
+    lights = [ConstantLight(), SkyLight(), StudioLight()]
+    assert list(turned_lights(lights, 50.0, MIDDLE)) == lights
