@@ -16,7 +16,7 @@ from cyclopts import CycloptsError
 
 from weft.files.errors import DiskSpaceError, InputError
 
-from .commands import lobes, looking, machine, stages  # noqa: F401  each adds its commands to the app
+from .commands import lobes, looking, machine, stages, view  # noqa: F401  each adds its commands to the app
 from .commands.app import app
 
 DONE, WRONG_INPUT, NO_SPACE, INTERRUPTED, TERMINATED = 0, 2, DiskSpaceError.exit_code, 130, 143

@@ -1,0 +1,1 @@
+"""`weft view`: a job's cloth in the browser, refined while one changes camera, light and fibers."""
