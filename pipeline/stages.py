@@ -91,19 +91,25 @@ def make_volume(work: StageWork) -> dict[str, Any]:
     volume = voxelize_to_files(
         work.job.table("voxelize"),
         fibers,
-        list(work.outputs.values()),
+        [path for name, path in work.outputs.items() if " level " not in name],
         progress=_part(work.progress, FIBERS_SHARE, 1.0),
     )
     report = volume.report
     return {
         "summary": f"{_count(volume.brick_count, 'brick')}, {report.generated_length_mm / 1000:.4g} m of "
-        f"fiber, held by the grid to {abs(report.relative_difference):.0e}",
+        f"fiber, held by the grid to {abs(report.relative_difference):.0e}"
+        + "".join(
+            f"; level {level.level}: {level.voxel_size_mm:g} mm, "
+            f"extinction off by {level.extinction_error_rms:.2g}"
+            for level in volume.levels
+        ),
         **_plain(report),
         "device": DEVICE,
         "length_relative_difference": report.relative_difference,
         "content_sha256": volume.content_sha256,
         "media": list(volume.media),
         "bounds_mm": volume.bounds_mm.tolist(),
+        "levels": [_plain(level) for level in volume.levels],
         "fibers": _plain(fibers.report),
     }
 
@@ -201,10 +207,14 @@ def media_scattering(
     job: Job, parameters: dict[str, FiberScatteringParameters], volume: FiberVolume
 ) -> dict[str, FiberScatteringParameters]:
     """The scattering of each medium of the volume. Refuses entries that no medium has."""
+    from weft.voxelize.grid_files import base_medium
+
     from .scattering_file import EVERY_MEDIUM
 
     refuse_unknown_types(job, [name for name in parameters if name != EVERY_MEDIUM], volume.media)
-    return {name: parameters.get(name, parameters[EVERY_MEDIUM]) for name in volume.media}
+    # of a coarser level the second lobe scatters as its medium
+    types = {name: base_medium(name, volume.media) for name in volume.media}
+    return {name: parameters.get(types[name], parameters[EVERY_MEDIUM]) for name in volume.media}
 
 
 def refuse_unwritable_formats(job: Job) -> None:
@@ -240,7 +250,11 @@ def _volume_files(job: Job) -> dict[str, str]:
     if not formats:
         origin = job.document.origin(("voxelize", "formats"))
         raise JobErrors([Problem(origin, ("voxelize", "formats"), 'must name "vdb", "nvdb" or both')])
-    return {("volume" if i == 0 else f"volume as {name}"): f"volume.{name}" for i, name in enumerate(formats)}
+    names = {name: "volume" if i == 0 else f"volume as {name}" for i, name in enumerate(formats)}
+    levels = range(1, job.table("voxelize").levels + 1)
+    return {names[name]: f"volume.{name}" for name in formats} | {
+        f"{names[name]} level {level}": f"volume_level{level}.{name}" for name in formats for level in levels
+    }
 
 
 def _fiber_files(job: Job) -> dict[str, str]:

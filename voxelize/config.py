@@ -30,6 +30,10 @@ class VoxelizeConfig(BaseModel):
     second_moment: bool = False
     """Also store T, the mean of t t^T over the fiber directions t, as the grids moment_diag (xx, yy, zz) and
     moment_off (xy, xz, yz)."""
+    levels: int = Field(default=0, ge=0, le=5)
+    """Coarser levels to write beside the result, each a volume: 2, 4, 8 ... times the voxel size."""
+    level_lobes: Literal[1, 2] = 2
+    """Directions in a voxel of a coarser level. With 2, crossing fibers stay apart, as a second medium."""
     tile_voxels: int = Field(default=128, ge=8, le=256, multiple_of=8)
     """Voxels along the edge of the cube that one worker fills at a time; less where memory is short. It
     changes no bit of the result."""

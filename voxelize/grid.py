@@ -6,7 +6,7 @@ import hashlib
 import math
 import struct
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import Protocol
@@ -115,6 +115,8 @@ class FiberVolume:
     """Medium name -> grid, in the order of the media's indices."""
     report: VoxelizeReport | None = None
     """How it was made, where it was made just now; not part of the content."""
+    about: Mapping[str, str | int | float] = field(default_factory=dict)
+    """What files say of it besides, by the names in `grid_files.ABOUT`; not part of the content."""
 
     def __post_init__(self) -> None:
         if not self.grids:

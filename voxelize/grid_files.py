@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from weft.files.errors import InputError
 
@@ -19,6 +21,31 @@ GRID_NAMES = {
     "moment_off": "moment_off",
 }
 """What the channels are called in files."""
+
+
+ABOUT = (
+    "level",
+    "level_lobes",
+    "finest_content_sha256",
+    "extinction_error_mean",
+    "extinction_error_rms",
+)
+"""Metadata of a coarser level: which it is, of what, and by how much its extinction differs from that."""
+
+
+SECOND_LOBE = "_crossing"
+"""Of a coarser level, what ends the name of the medium that holds the second direction of another."""
+
+
+def base_medium(name: str, media: Sequence[str]) -> str:
+    """The medium whose second lobe this is; itself, where it is none."""
+    base = name.removesuffix(SECOND_LOBE)
+    return base if base in media else name
+
+
+def about_of(metadata: Mapping[str, Any]) -> dict[str, str | int | float]:
+    """What a file says of its volume besides."""
+    return {name: metadata[name] for name in ABOUT if name in metadata}
 
 
 def grid_name(media: tuple[str, ...], medium: str, channel: str) -> str:

@@ -1,172 +1,190 @@
 """Coarser volumes from finer ones, with one or two directions a voxel.
 
 Fiber length is conserved, and so is the second moment where the finer volume has one. One mean direction
-makes of warp and weft in a voxel something between; two lobes, found as two clusters of axes as in Wu et al.
-2016, keep them apart. The second lobe is a medium of its own on the same voxels, `<medium>_crossing`, so that
-whoever draws overlapping media draws both.
+makes of warp and weft in a voxel something between; two lobes keep them apart. The second lobe is a medium of
+its own on the same voxels, `<medium>_crossing`, so that whoever draws overlapping media draws both. The work
+is done in cubes of whole coarse bricks, so that a volume on the disk need not fit in memory.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
+import warp as wp
 
-from .grid import BRICK_SIZE, FiberGrid, FiberVolume, empty_values
+from . import level_kernels
+from .accumulator import DEVICE, BrickBatch
+from .grid import BRICK_SIZE, BRICK_VOXELS, CHANNELS, MOMENTS, FiberGrid, FiberVolume
+from .grid_files import SECOND_LOBE
 
-SECOND_LOBE = "_crossing"
-ROUNDS = 4
-"""Of sharing out the axes among two clusters."""
-APART = 0.95
-"""Two lobes whose axes have a larger cosine are one."""
+BLOCK_BRICKS = 16
+"""Finer bricks along the edge of a cube that is coarsened at a time."""
+VIEW_COUNT = 12
+"""Directions in which the error of the extinction is measured."""
+WIDTH = {"density": wp.float32, "direction": wp.vec3, "moment_diag": wp.vec3, "moment_off": wp.vec3}
+
+Read = Callable[[np.ndarray], Mapping[str, np.ndarray]]
+"""The channels of some bricks of a grid, by their rows."""
+
+
+class _HasBricks(Protocol):
+    @property
+    def origins(self) -> np.ndarray: ...
+    @property
+    def channels(self) -> Any: ...
 
 
 @dataclass(frozen=True)
-class _Children:
-    """The occupied voxels of a finer grid, gathered by the coarse voxel that they lie in."""
+class ExtinctionError:
+    """Of a coarse level against the finest, over voxels and directions, weighted by extinction."""
 
-    parents: np.ndarray
-    """Coarse voxels, int64, shape [parent_count, 3]."""
-    parent: np.ndarray
-    """Row of each child's parent, shape [child_count]."""
-    weight: np.ndarray
-    """Volume fraction of each child, float64."""
-    axis: np.ndarray
-    """Its direction, float64, shape [child_count, 3]."""
-    moment: np.ndarray
-    """Its second moment, float64, shape [child_count, 3, 3]."""
+    mean: float
+    """Of coarse / fine - 1."""
+    rms: float
+    """Root mean square of coarse / fine - 1."""
 
 
-def coarsen(volume: FiberVolume, *, lobes: int = 2) -> FiberVolume:
-    """The volume on voxels twice as large, with one direction in each or two. Needs it in memory."""
+@dataclass(frozen=True)
+class CoarseBlock:
+    """The coarse bricks of one cube, per lobe, and what their errors add up to."""
+
+    lobes: list[BrickBatch]
+    error_sums: np.ndarray
+    """Extinction, its error, and the error squared over the extinction, float64, shape [3]."""
+
+
+def coarsen(volume: FiberVolume, *, lobes: int = 2, factor: int = 2) -> FiberVolume:
+    """The volume on voxels `factor` times as large, a power of two, with one direction in each or two."""
     if lobes not in (1, 2):
         raise ValueError(f"a voxel has one lobe or two, not {lobes}")
     grids: dict[str, FiberGrid] = {}
     for name, grid in volume.grids.items():
-        children = _gather(grid)
-        shares = _two_lobes(children) if lobes == 2 else np.zeros(len(children.weight), dtype=bool)
-        grids[name] = _merge(grid, children, ~shares)
-        if lobes == 2:
-            grids[name + SECOND_LOBE] = _merge(grid, children, shares)
+        side = max(BLOCK_BRICKS, factor)
+        blocks = [
+            coarsen_block(grid, rows, _reader(grid), side=side, factor=factor, lobes=lobes)
+            for rows in blocks_of(grid.origins, side)
+        ]
+        for lobe, lobe_name in enumerate((name, name + SECOND_LOBE)[:lobes]):
+            grids[lobe_name] = _join(grid, [block.lobes[lobe] for block in blocks], factor)
     return FiberVolume(grids)
 
 
-def _gather(grid: FiberGrid) -> _Children:
-    brick, voxel = np.nonzero(grid.density)
-    local = np.stack(np.unravel_index(voxel, (BRICK_SIZE,) * 3), axis=1)
-    place = (grid.origins[brick].astype(np.int64) + local) // 2
-    parents, parent = np.unique(place, axis=0, return_inverse=True)
-    axis = grid.direction[brick, voxel].astype(np.float64)
-    moment = axis[:, :, None] * axis[:, None, :]
-    if grid.moment_diag is not None and grid.moment_off is not None:
-        moment = symmetric(grid.moment_diag[brick, voxel], grid.moment_off[brick, voxel])
-    weight = grid.density[brick, voxel].astype(np.float64)
-    return _Children(parents, parent.reshape(-1), weight, axis, moment)
+def _reader(grid: FiberGrid) -> Read:
+    return lambda rows: {name: array[rows] for name, array in grid.channels.items()}
 
 
-def symmetric(diagonal: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """Matrices [n, 3, 3] from xx, yy, zz and xy, xz, yz."""
-    matrix = np.empty((len(diagonal), 3, 3))
-    matrix[:, [0, 1, 2], [0, 1, 2]] = diagonal
-    matrix[:, [0, 0, 1], [1, 2, 2]] = matrix[:, [1, 2, 2], [0, 0, 1]] = off
-    return matrix
-
-
-def _sum_by(parent: np.ndarray, count: int, values: np.ndarray) -> np.ndarray:
-    """Sums of values [child, ...] over the children of each parent."""
-    flat = values.reshape(len(values), -1)
-    sums = [np.bincount(parent, weights=column, minlength=count) for column in flat.T]
-    return np.stack(sums, axis=-1).reshape(count, *values.shape[1:])
-
-
-def _main_axis(matrices: np.ndarray) -> np.ndarray:
-    """Eigenvector of the largest eigenvalue, in the hemisphere of `kernels.hemisphere`."""
-    axis = np.linalg.eigh(matrices)[1][:, :, 2]
-    last = np.where(axis[:, 2] != 0, axis[:, 2], np.where(axis[:, 1] != 0, axis[:, 1], axis[:, 0]))
-    return np.where(last[:, None] < 0, -axis, axis)
-
-
-def _two_lobes(children: _Children) -> np.ndarray:
-    """Which children belong to their parent's second lobe, bool [child]; 2-means on axes.
-
-    The first lobe begins as the main axis, the second as the axis that is worst served by it.
-    """
-    count, parent, axis, weight = len(children.parents), children.parent, children.axis, children.weight
-    outer = weight[:, None, None] * axis[:, :, None] * axis[:, None, :]
-    first = _main_axis(_sum_by(parent, count, outer))
-    cosine = np.einsum("ij,ij->i", first[parent], axis)
-    missed = weight * (1 - cosine**2)
-    worst = np.lexsort((missed, parent))[np.cumsum(np.bincount(parent, minlength=count)) - 1]
-    second = axis[worst]
-    in_second = np.zeros(len(parent), dtype=bool)
-    for _ in range(ROUNDS):
-        near_first = np.abs(np.einsum("ij,ij->i", first[parent], axis))
-        in_second = np.abs(np.einsum("ij,ij->i", second[parent], axis)) > near_first
-        first = _main_axis(_sum_by(parent, count, outer * ~in_second[:, None, None]))
-        second = _main_axis(_sum_by(parent, count, outer * in_second[:, None, None]))
-    apart = np.abs(np.einsum("ij,ij->i", first, second)) < APART
-    # of an empty cluster the axis says nothing
-    apart &= _sum_by(parent, count, weight * ~in_second) > 0
-    return in_second & apart[parent]
-
-
-def _merge(fine: FiberGrid, children: _Children, chosen: np.ndarray) -> FiberGrid:
-    """The grid of the chosen children: mean density, mean moment, main axis."""
-    count = len(children.parents)
-    weight = np.where(chosen, children.weight, 0.0)
-    total = _sum_by(children.parent, count, weight)
-    moment = _sum_by(children.parent, count, weight[:, None, None] * children.moment)
-    held = np.flatnonzero(total)
-    moment = moment[held] / total[held, None, None]
-    bricks = children.parents[held] // BRICK_SIZE
-    origins, brick = np.unique(bricks, axis=0, return_inverse=True)
-    row = brick.reshape(-1), (children.parents[held] % BRICK_SIZE) @ np.array([64, 8, 1])
+def _join(fine: FiberGrid, batches: list[BrickBatch], factor: int) -> FiberGrid:
+    names = list(fine.channels)
+    origins = np.concatenate([np.empty((0, 3), np.int32), *(batch.origins for batch in batches)])
+    order = np.lexsort((origins[:, 2], origins[:, 1], origins[:, 0]))
     arrays = {
-        "density": empty_values(len(origins), "density"),
-        "direction": empty_values(len(origins), "direction"),
+        name: np.concatenate([_zeros(0, name), *(batch.channels[name] for batch in batches)])[order]
+        for name in names
     }
-    arrays["density"][row] = total[held] / 8
-    arrays["direction"][row] = _main_axis(moment)
-    if fine.moment_diag is not None:
-        for name, (i, j) in {
-            "moment_diag": ([0, 1, 2], [0, 1, 2]),
-            "moment_off": ([0, 0, 1], [1, 2, 2]),
-        }.items():
-            arrays[name] = empty_values(len(origins), name)
-            arrays[name][row] = moment[:, i, j]
     return FiberGrid(
-        voxel_size_mm=2 * fine.voxel_size_mm,
+        voxel_size_mm=factor * fine.voxel_size_mm,
         fiber_radius_mm=fine.fiber_radius_mm,
-        origins=(origins * BRICK_SIZE).astype(np.int32),
+        origins=np.ascontiguousarray(origins[order]),
         **arrays,
     )
 
 
-def extinction_by_voxel(
-    volume: FiberVolume, w: np.ndarray, *, voxel: int
-) -> dict[tuple[int, ...], np.ndarray]:
-    """Mean sigma_t [1/mm] by direction, over cubes of `voxel` voxels: corner (in cubes) -> [direction].
-
-    `w` are unit vectors [direction, 3]; media are added up.
-    """
-    found: dict[tuple[int, ...], np.ndarray] = {}
-    for grid in volume.grids.values():
-        brick, place = np.nonzero(grid.density)
-        local = np.stack(np.unravel_index(place, (BRICK_SIZE,) * 3), axis=1)
-        cubes, row = np.unique((grid.origins[brick] + local) // voxel, axis=0, return_inverse=True)
-        sine = np.sqrt(np.clip(1 - (grid.direction[brick, place] @ w.T) ** 2, 0, 1))
-        scale = 2 / (np.pi * grid.fiber_radius_mm) * grid.density[brick, place].astype(np.float64)
-        sums = _sum_by(row.reshape(-1), len(cubes), scale[:, None] * sine) / voxel**3
-        for cube, value in zip(map(tuple, cubes.tolist()), sums, strict=True):
-            found[cube] = found.get(cube, 0.0) + value
-    return found
+def blocks_of(origins: np.ndarray, side: int) -> Iterator[np.ndarray]:
+    """Rows of the bricks in each cube of `side` bricks along an edge, cubes sorted by (x, y, z)."""
+    cube = origins // (BRICK_SIZE * side)
+    order = np.lexsort((cube[:, 2], cube[:, 1], cube[:, 0]))
+    ends = np.flatnonzero((np.diff(cube[order], axis=0) != 0).any(axis=1)) + 1
+    yield from (rows for rows in np.split(order, ends) if len(rows))
 
 
-def extinction_error(fine: FiberVolume, coarse: FiberVolume, w: np.ndarray) -> tuple[float, float]:
-    """Mean and root mean square of coarse / fine - 1 over voxels and directions, weighted by extinction."""
-    factor = round(coarse.voxel_size_mm / fine.voxel_size_mm)
-    before, after = extinction_by_voxel(fine, w, voxel=factor), extinction_by_voxel(coarse, w, voxel=1)
-    cubes = list(before)
-    truth, made = np.stack([before[cube] for cube in cubes]), np.stack([after[cube] for cube in cubes])
-    relative = made / np.maximum(truth, 1e-12) - 1
-    return float(np.average(relative, weights=truth)), float(np.sqrt(np.average(relative**2, weights=truth)))
+def coarsen_in_order(
+    jobs: Sequence[tuple[Any, ...]], work: Callable[..., Any], workers: int
+) -> Iterator[Any]:
+    """`work(*job)` for each job, side by side, a few at a time, in order. Warp lets go of the interpreter."""
+    wp.load_module(level_kernels, device=DEVICE)
+    with ThreadPoolExecutor(workers) as pool:
+        for begin in range(0, len(jobs), 4 * workers):
+            yield from pool.map(lambda job: work(*job), jobs[begin : begin + 4 * workers])
+
+
+def coarsen_block(
+    grid: _HasBricks, rows: np.ndarray, read: Read, *, side: int, factor: int, lobes: int
+) -> CoarseBlock:
+    """The bricks in one cube of `side` bricks along an edge, as voxels `factor` times as large."""
+    return coarsen_values(grid.origins[rows], read(rows), side=side, factor=factor, lobes=lobes)
+
+
+def coarsen_values(
+    origins: np.ndarray, values: Mapping[str, np.ndarray], *, side: int, factor: int, lobes: int
+) -> CoarseBlock:
+    """`coarsen_block` of bricks that have been read."""
+    corner = origins[0] // (BRICK_SIZE * side) * side
+    place = origins // BRICK_SIZE - corner
+    coarse = np.unique(place // factor, axis=0).astype(np.int32)
+    names = list(values)
+    results = {name: _lobe_zeros(lobes, len(coarse), name) for name in names}
+    empty = {name: _lobe_zeros(lobes, 0, name) for name in MOMENTS if name not in names}
+    errors = np.zeros((len(coarse), BRICK_VOXELS, 3))
+    wp.launch(
+        level_kernels.coarsen_bricks,
+        dim=(len(coarse), BRICK_VOXELS),
+        inputs=[_fine_block(place, values, side), factor, lobes, _shared(coarse, wp.vec3i), _views()],
+        outputs=[
+            *(_shared((results | empty)[name], WIDTH[name]) for name in CHANNELS if name in WIDTH),
+            _shared(errors, wp.vec3d),
+        ],
+        device=DEVICE,
+    )
+    first = ((corner // factor + coarse) * BRICK_SIZE).astype(np.int32)
+    batches = []
+    for lobe in range(lobes):
+        held = results["density"][lobe].any(axis=1)
+        batches.append(BrickBatch(first[held], **{name: results[name][lobe][held] for name in names}))
+    return CoarseBlock(batches, errors.sum(axis=(0, 1)))
+
+
+def extinction_error(sums: np.ndarray) -> ExtinctionError:
+    """From the sums of all blocks, shape [3]."""
+    truth = max(float(sums[0]), 1e-300)
+    return ExtinctionError(float(sums[1]) / truth, math.sqrt(float(sums[2]) / truth))
+
+
+def _fine_block(place: np.ndarray, values: Mapping[str, np.ndarray], side: int) -> level_kernels.FineBlock:
+    rows = np.full(side**3, -1, dtype=np.int32)
+    rows[np.ravel_multi_index(tuple(place.T), (side, side, side))] = np.arange(len(place))
+    block = level_kernels.FineBlock()
+    block.bricks_per_side = side
+    block.rows = _shared(rows, wp.int32)
+    block.density = _shared(np.ascontiguousarray(values["density"]), wp.float32)
+    block.direction = _shared(np.ascontiguousarray(values["direction"]), wp.vec3)
+    for name in MOMENTS:
+        array = values.get(name, _zeros(0, name))
+        setattr(block, name, _shared(np.ascontiguousarray(array), wp.vec3))
+    return block
+
+
+def _views() -> wp.array:
+    """Unit vectors spread evenly over the hemisphere z > 0 (Fibonacci), float32, shape [VIEW_COUNT, 3]."""
+    z = (np.arange(VIEW_COUNT) + 0.5) / VIEW_COUNT
+    angle = np.arange(VIEW_COUNT) * math.pi * (3 - math.sqrt(5))
+    radius = np.sqrt(1 - z * z)
+    views = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+    return wp.array(views.astype(np.float32), dtype=wp.vec3, device=DEVICE)
+
+
+def _zeros(count: int, channel: str) -> np.ndarray:
+    return _lobe_zeros(1, count, channel)[0]
+
+
+def _lobe_zeros(lobes: int, count: int, channel: str) -> np.ndarray:
+    width = CHANNELS[channel]
+    return np.zeros((lobes, count, BRICK_VOXELS) + ((width,) if width > 1 else ()), dtype=np.float32)
+
+
+def _shared(array: np.ndarray, dtype: type) -> wp.array:
+    return wp.array(array, dtype=dtype, device=DEVICE, copy=False)

@@ -21,7 +21,7 @@ from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
 from .grid import BRICK_SIZE, BRICK_VOXELS, CHANNELS, FiberGrid, FiberVolume
-from .grid_files import SCHEMA_VERSION, grid_name, refuse_other_content
+from .grid_files import SCHEMA_VERSION, about_of, grid_name, refuse_other_content
 
 BLIND_NAME = b"weft"
 CLASS_UNKNOWN, CLASS_FOG_VOLUME = 0, 2
@@ -147,7 +147,8 @@ def read_volume(path: str | Path, *, verify: bool = True) -> FiberVolume:
                     about, {channel: by_name[name] for channel, name in about["channels"].items()}
                 )
                 for about, _ in media
-            }
+            },
+            about=about_of(media[0][0]),
         )
         expected = media[0][0]["content_sha256"]
     except (KeyError, ValueError, TypeError, IndexError) as error:
@@ -230,6 +231,7 @@ def _plan_grids(volume: FiberVolume) -> Iterator[_PlannedGrid]:
             "medium": medium,
             "medium_index": index,
             "channels": names,
+            **volume.about,
         }
         for channel, values in grid.channels.items():
             kind, text = (CLASS_FOG_VOLUME, about) if channel == "density" else (CLASS_UNKNOWN, None)

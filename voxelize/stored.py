@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from .grid import BRICK_SIZE, ContentOf, FiberGrid, FiberVolume, content_hash, empty_values
+from .grid import BRICK_SIZE, CHANNELS, ContentOf, FiberGrid, FiberVolume, content_hash, empty_values
 from .parts import PartFolder, TilePart
 
 
@@ -34,12 +35,31 @@ class StoredGrid:
     def brick_count(self) -> int:
         return len(self.origins)
 
+    def read(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """The channels of some bricks, float32, shape [len(rows), 512(, 3)]."""
+        inside = np.unpackbits(self.masks[rows].view(np.uint8), axis=1, bitorder="little").astype(bool)
+        counts = inside.sum(axis=1).tolist()
+        found = {name: empty_values(len(rows), name) for name in self.channels}
+        for index in np.unique(self.files[rows]):
+            with open(self.paths[index], "rb", buffering=0) as file:
+                for i in np.flatnonzero(self.files[rows] == index).tolist():
+                    for name in self.channels:
+                        width = CHANNELS[name]
+                        packed = os.pread(
+                            file.fileno(), 4 * counts[i] * width, int(self.offsets[name][rows[i]])
+                        )
+                        values = np.frombuffer(packed, dtype="<f4")
+                        found[name][i, inside[i]] = values if width == 1 else values.reshape(-1, width)
+        return found
+
 
 @dataclass(frozen=True)
 class StoredVolume:
     """The media of a cloth, as `FiberVolume`, on the disk."""
 
     grids: Mapping[str, StoredGrid]
+    about: Mapping[str, str | int | float] = field(default_factory=dict)
+    """As in `FiberVolume`."""
 
     @property
     def media(self) -> tuple[str, ...]:
@@ -122,4 +142,4 @@ def load_parts(folder: PartFolder, volume: StoredVolume, parts: Sequence[TilePar
             origins=stored.origins,
             **arrays,
         )
-    return FiberVolume(grids)
+    return FiberVolume(grids, about=volume.about)

@@ -20,6 +20,7 @@ from .accumulator import BrickBatch
 from .config import VoxelizeConfig
 from .fill import Progress, fill_tiles
 from .fingerprint import code_fingerprint, fingerprint
+from .levels import LevelReport, level_path, make_levels
 from .memory import fit_tiles, refuse_what_does_not_fit
 from .parts import PartFolder, TilePart
 from .plan import TilePlan, brick_bound, checked_region, plan_tiles
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 TILES_SHARE = 0.8
 """Part of the progress that goes to the tiles; the rest to writing the files."""
+LEVELS_FROM = 0.9
+"""Where in the progress the coarser levels begin, if there are any."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,8 @@ class VolumeOnDisk:
     brick_count: int
     bounds_mm: np.ndarray
     report: VoxelizeReport
+    levels: tuple[LevelReport, ...] = ()
+    """Of the coarser levels beside it."""
 
 
 def voxelize_to_files(
@@ -54,6 +59,8 @@ def voxelize_to_files(
     worker_count: int | None = None,
 ) -> VolumeOnDisk:
     """Voxelize all fibers into .vdb and .nvdb files, with resident memory bounded by `config.memory_mb`.
+
+    The coarser levels that the config asks for stand beside each file, named as `level_path` says.
 
     The .vdb file has the same bytes however often the run was killed, and for any number of workers and any
     memory. A .nvdb file is laid out in memory as a whole. Raises `InputError`, and `DiskSpaceError` where the
@@ -88,15 +95,39 @@ def stream_source(
     folder = PartFolder(parts_folder(paths[0]), _key(config, source, tile_voxels))
     parts = finish_tiles(source, plan, folder, workers, _share(progress, 0.0, TILES_SHARE))
     volume = join_tiles(source, plan, folder, parts)
+    writing = _share(progress, TILES_SHARE, 1.0 if not config.levels else LEVELS_FROM)
     for i, path in enumerate(paths):
-        if progress is not None:
-            progress(TILES_SHARE + (1 - TILES_SHARE) * i / len(paths), f"writing {path.name}")
+        if writing is not None:
+            writing(i / len(paths), f"writing {path.name}")
         _write(path, folder, volume, parts)
+    levels = _write_levels(config, volume, paths, workers, _share(progress, LEVELS_FROM, 1.0))
     folder.remove()
     if progress is not None:
         progress(1.0, "written")
     report = _report(source, plan, parts, time.perf_counter() - began)
-    return VolumeOnDisk(volume.content_sha256, volume.media, volume.brick_count, volume.bounds_mm, report)
+    return VolumeOnDisk(
+        volume.content_sha256, volume.media, volume.brick_count, volume.bounds_mm, report, levels
+    )
+
+
+def _write_levels(
+    config: VoxelizeConfig,
+    volume: StoredVolume,
+    paths: Sequence[Path],
+    workers: int,
+    progress: Progress | None,
+) -> tuple[LevelReport, ...]:
+    """Make the coarser levels and write each beside every path."""
+    numbers = range(1, config.levels + 1)
+    if progress is not None and numbers:
+        progress(0.0, "coarser levels")
+    folders = [parts_folder(level_path(paths[0], number)) for number in numbers]
+    levels = make_levels(volume, folders, lobes=config.level_lobes, workers=workers) if numbers else []
+    for level in levels:
+        for path in paths:
+            _write(level_path(path, level.report.level), level.folder, level.volume, level.parts)
+        level.folder.remove()
+    return tuple(level.report for level in levels)
 
 
 def parts_folder(path: Path) -> Path:
@@ -105,8 +136,9 @@ def parts_folder(path: Path) -> Path:
 
 
 def _key(config: VoxelizeConfig, source: Source, tile_voxels: int) -> str:
-    """Of all that decides a tile; memory, formats and workers do not."""
-    settings = config.model_copy(update={"memory_mb": None, "formats": ("vdb",), "tile_voxels": tile_voxels})
+    """Of all that decides a tile; memory, formats, levels and workers do not."""
+    others = {"memory_mb": None, "formats": ("vdb",), "levels": 0, "level_lobes": 2}
+    settings = config.model_copy(update={**others, "tile_voxels": tile_voxels})
     return fingerprint([("config", settings), ("source", source.fingerprint()), ("code", code_fingerprint())])
 
 

@@ -22,7 +22,7 @@ from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
 from .grid import CHANNELS, MOMENTS, FiberGrid, FiberVolume
-from .grid_files import GRID_NAMES, SCHEMA_VERSION, grid_name, refuse_other_content
+from .grid_files import GRID_NAMES, SCHEMA_VERSION, about_of, grid_name, refuse_other_content
 from .openvdb_library import extension
 from .stored import StoredGrid, StoredVolume
 from .vdb_child import read_in_child
@@ -175,6 +175,7 @@ def _leaf_grids(module: ModuleType, volume: FiberVolume | StoredVolume) -> Itera
             "content_sha256": volume.content_sha256,
             "medium": medium,
             "medium_index": index,
+            **volume.about,
         }
         place = {"voxel_size": size, "translation": [size / 2] * 3, "metadata": metadata}
         for channel in grid.channels:
@@ -215,7 +216,8 @@ def _to_volume(grids: list[dict[str, Any]], path: Path, *, verify: bool = True) 
                     }
                 )
                 for grid in densities
-            }
+            },
+            about=about_of(densities[0]["metadata"]),
         )
         expected = densities[0]["metadata"]["content_sha256"]
     except (KeyError, ValueError, TypeError) as error:

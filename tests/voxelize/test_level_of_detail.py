@@ -7,15 +7,17 @@ import math
 import numpy as np
 import pytest
 
+from tests.voxelize.extinction import extinction_by_voxel, extinction_error, symmetric
 from weft.voxelize.config import VoxelizeConfig
-from weft.voxelize.grid import FiberVolume
+from weft.voxelize.grid import FiberGrid, FiberVolume
+from weft.voxelize.grid_files import SECOND_LOBE, base_medium
 from weft.voxelize.level_of_detail import (
-    SECOND_LOBE,
+    VIEW_COUNT,
+    blocks_of,
     coarsen,
-    extinction_by_voxel,
-    extinction_error,
-    symmetric,
+    coarsen_values,
 )
+from weft.voxelize.level_of_detail import extinction_error as measured_error
 from weft.voxelize.voxelize import run, voxelize_segments
 
 
@@ -39,9 +41,9 @@ def moment_of(volume: FiberVolume, name: str) -> np.ndarray:
 
 @pytest.mark.parametrize("lobes", [1, 2])
 def test_length_and_second_moment_are_conserved(fine, lobes):
-    level = fine
-    for _ in range(4):
-        level = coarsen(level, lobes=1) if lobes == 1 else coarsen(fine, lobes=2)
+    for factor in (2, 4, 8, 32):
+        level = coarsen(fine, lobes=lobes, factor=factor)
+        assert level.voxel_size_mm == pytest.approx(factor * fine.voxel_size_mm)
         for name, grid in fine.grids.items():
             parts = [key for key in level.media if key in (name, name + SECOND_LOBE)]
             assert len(parts) == lobes
@@ -104,20 +106,45 @@ def test_two_lobes_serve_cloth_better_than_one(fine):
     assert abs(two[0]) < abs(one[0])
 
 
+@pytest.mark.parametrize("lobes", [1, 2])
+@pytest.mark.parametrize("factor", [2, 4])
+def test_measured_error_is_that_of_the_volume(fine, lobes, factor):
+    """What the kernel adds up, against numpy on the finished volumes, in the same directions."""
+    z = (np.arange(VIEW_COUNT) + 0.5) / VIEW_COUNT
+    angle, radius = np.arange(VIEW_COUNT) * math.pi * (3 - math.sqrt(5)), np.sqrt(1 - z * z)
+    w = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+    grid = fine.grids["warp"]
+    found = measured_error(
+        sum(
+            coarsen_values(
+                grid.origins[rows], _values(grid, rows), side=16, factor=factor, lobes=lobes
+            ).error_sums
+            for rows in blocks_of(grid.origins, 16)
+        )
+    )
+    one = FiberVolume({"warp": grid})
+    mean, rms = extinction_error(one, coarsen(one, lobes=lobes, factor=factor), w)
+    assert found.mean == pytest.approx(mean, abs=1e-5)
+    assert found.rms == pytest.approx(rms, rel=1e-3)
+
+
+def _values(grid: FiberGrid, rows: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: array[rows] for name, array in grid.channels.items()}
+
+
+def test_the_second_lobe_is_named_after_its_medium():
+    media = ("warp", "warp_crossing", "rail_crossing")
+    assert [base_medium(name, media) for name in media] == ["warp", "warp", "rail_crossing"]
+
+
 @pytest.mark.proof
 def test_table_of_extinction_errors_by_level(fine, capsys):
     """Prints the table of the README."""
-    w, one = directions(40), fine
+    w = directions(40)
     with capsys.disabled():
-        for level in (1, 2, 3):
-            before, one = one, coarsen(one, lobes=1)
-            two = coarsen(before, lobes=2)
-            cells = [
-                f"{mean:+.2%} {rms:.2%}" for mean, rms in (extinction_error(before, v, w) for v in (one, two))
-            ]
-            whole = extinction_error(fine, one, w)
-            print(
-                f"\n{level} | {one.voxel_size_mm:g} | {' | '.join(cells)} | {whole[0]:+.2%} {whole[1]:.2%}",
-                end="",
-            )
+        for level in (1, 2, 3, 4):
+            one, two = (coarsen(fine, lobes=lobes, factor=2**level) for lobes in (1, 2))
+            errors = [extinction_error(fine, made, w) for made in (one, two)]
+            cells = " | ".join(f"{mean:+.2%}, {rms:.2%}" for mean, rms in errors)
+            print(f"\n| {level} | {one.voxel_size_mm:g} mm | {cells} |", end="")
     assert one.fiber_length_mm == pytest.approx(fine.fiber_length_mm, rel=1e-5)
