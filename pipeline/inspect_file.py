@@ -292,6 +292,7 @@ def _volume(path: Path) -> Facts:
         "voxel size [mm]": volume.voxel_size_mm,
         **_bounds(volume.bounds_mm),
         "media": media,
+        **{name.replace("_", " "): value for name, value in volume.about.items()},
         # reading refuses files whose content and hash disagree
         "content hash": volume.content_sha256,
     }
