@@ -8,8 +8,8 @@ from pydantic import Field, field_validator, model_validator
 
 from weft.files.input_file import InputFile
 
-from .light_config import DiskLight, PointLight, QuadLight, SpotLight
-from .settings import Color, Settings, Vector
+from .light_config import DiskLight, MeshLight, PointLight, QuadLight, SoftboxLight, SpotLight
+from .settings import Color, Reflectance, Settings, Vector
 from .surface_config import GroundSurface, MeshSurface
 
 MAX_PIXELS = 1 << 25
@@ -149,6 +149,24 @@ class SkyLight(Settings):
     """Radiance from below."""
 
 
+class DaylightLight(Settings):
+    """Clear sky and sun (Preetham et al. 1999), in world directions; brightness 1 is 10,000 cd/m2."""
+
+    kind: Literal["daylight"] = "daylight"
+    sun_elevation_deg: float = Field(default=40.0, ge=1, le=90)
+    """Of the sun over the horizon."""
+    sun_azimuth_deg: float = -40.0
+    """Of the sun around +y, from +z toward +x."""
+    turbidity: float = Field(default=3.0, ge=2, le=10)
+    """2 very clear, 3 clear, 6 hazy."""
+    intensity: float = Field(default=0.3, ge=0)
+    """Factor on all of it."""
+    sun: bool = True
+    """With the sun itself, as parallel light; otherwise the sky alone, as in its shade."""
+    ground: Reflectance = (0.2, 0.19, 0.18)
+    """What the ground below the horizon reflects."""
+
+
 Camera = Annotated[PerspectiveCamera | OrthographicCamera, Field(discriminator="kind")]
 Surface = Annotated[MeshSurface | GroundSurface, Field(discriminator="kind")]
 PixelFilter = Annotated[BoxFilter | GaussianFilter | LanczosFilter, Field(discriminator="kind")]
@@ -158,10 +176,13 @@ Light = Annotated[
     | DirectionalLight
     | StudioLight
     | SkyLight
+    | DaylightLight
     | PointLight
     | SpotLight
     | QuadLight
-    | DiskLight,
+    | DiskLight
+    | MeshLight
+    | SoftboxLight,
     Field(discriminator="kind"),
 ]
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from weft.files.errors import InputError
 
-from .config import ConstantLight, EnvironmentLight, Light, SkyLight, StudioLight
+from .config import ConstantLight, DaylightLight, EnvironmentLight, Light, SkyLight, StudioLight
+from .daylight import daylight
 from .image import read_rgb
 
 ROUNDED_BELOW_ZERO = 1e-4
@@ -55,6 +56,9 @@ def _picture(light: Light, camera_axes: np.ndarray) -> np.ndarray | None:
         return studio(texel_directions(PROCEDURAL_ROWS) @ camera_axes.T, light.rotation_deg) * light.intensity
     if isinstance(light, SkyLight):
         return sky(texel_directions(PROCEDURAL_ROWS), light) * light.intensity
+    if isinstance(light, DaylightLight):
+        solid_angles = texel_solid_angles(PROCEDURAL_ROWS)[:, None]
+        return daylight(texel_directions(PROCEDURAL_ROWS), light, solid_angles)
     return None
 
 

@@ -6,7 +6,10 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from weft.files.input_file import InputFile
+
 from .settings import Color, Settings, Vector
+from .surface_config import Placement
 
 
 class PointLight(Settings):
@@ -68,3 +71,35 @@ class DiskLight(_AreaLight):
     kind: Literal["disk"] = "disk"
     radius_mm: float = Field(gt=0)
     """From its middle to its edge."""
+
+
+class MeshLight(Settings):
+    """A bright mesh. Its front shines, where the vertices run counterclockwise. Camera rays see it."""
+
+    kind: Literal["mesh"] = "mesh"
+    file: InputFile
+    """OBJ, PLY, glTF or STL, of at most 65,536 triangles."""
+    unit_mm: float = Field(default=1.0, gt=0)
+    """Length of the file's unit; glTF files are in meters, 1000."""
+    placement: Placement = Placement()
+    """Where it stands."""
+    radiance: Color
+    """The same at every place and angle."""
+
+
+class SoftboxLight(Settings):
+    """A bright rectangle that faces the volume, placed as a photographer would: around the view."""
+
+    kind: Literal["softbox"] = "softbox"
+    azimuth_deg: float = -45.0
+    """Around the picture's upward axis from the camera; negative on the left, 180 behind the volume."""
+    elevation_deg: float = Field(default=45.0, ge=-90, le=90)
+    """Upward from the view."""
+    distance_mm: float | None = Field(default=None, gt=0)
+    """From the middle of the volume; unset: twice its diagonal."""
+    width_mm: float | None = Field(default=None, gt=0)
+    """Across; unset: half the distance."""
+    height_mm: float | None = Field(default=None, gt=0)
+    """Along the picture's upward axis; unset: half the distance."""
+    irradiance: Color = (3.0, 3.0, 3.0)
+    """On a surface in the middle that faces it: a larger softbox is softer, not brighter."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from weft.files.errors import InputError
 
-from .config import DirectionalLight, Light
+from .config import DaylightLight, DirectionalLight, Light
+from .daylight import sun_light
 from .environment import LUMINANCE, build_environment, texel_solid_angles
 
 MAX_DIRECTIONAL_LIGHTS = 16
@@ -44,6 +45,7 @@ def build_light_table(
     local = local or LocalValues(np.zeros((0, 3)), np.zeros((0, 3)))
     environment = build_environment(lights, camera_axes)
     directional = [light for light in lights if isinstance(light, DirectionalLight)]
+    directional += [sun_light(light) for light in lights if isinstance(light, DaylightLight) and light.sun]
     if len(directional) > MAX_DIRECTIONAL_LIGHTS:
         raise InputError(
             f"render.lights: {len(directional)} directional lights; at most {MAX_DIRECTIONAL_LIGHTS}."

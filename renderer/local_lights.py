@@ -1,21 +1,24 @@
-"""Lights that stand somewhere: point, spot, quad and disk, as rows for shaders/light/local.glsl."""
+"""Lights that stand somewhere: points, spots, quads, disks, meshes, as rows for shaders/light/local.glsl."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from weft.files.errors import InputError
 
 from .config import Light
-from .light_config import DiskLight, PointLight, QuadLight, SpotLight
-from .mesh import DISK, PARALLELOGRAM, Triangles
+from .light_config import DiskLight, MeshLight, PointLight, QuadLight, SoftboxLight, SpotLight
+from .mesh import DISK, PARALLELOGRAM, TRIANGLE, Triangles, load_mesh, placed
 
 LOCAL_ROWS = 4
-KINDS = {"point": 0, "spot": 1, "quad": 2, "disk": 3}
+KINDS = {"point": 0, "spot": 1, "quad": 2, "disk": 3, "triangle": 4}
+SHAPES = {"quad": PARALLELOGRAM, "disk": DISK, "triangle": TRIANGLE}
+MAX_TRIANGLES = 65_536
+"""Of a mesh light: each is a light of its own in the alias table."""
 SMALLEST_COSINE = 0.1
 """Lights that face away from the middle of the scene are still chosen this often, in proportion."""
 
@@ -26,12 +29,13 @@ class LocalLight:
 
     kind: str
     center: np.ndarray
+    """Its middle; of a triangle the first corner."""
     value: np.ndarray
     """Radiance, or of a point or spot irradiance at 1 mm."""
     normal: np.ndarray
     """Unit vector to where it shines."""
     half_x: np.ndarray
-    """From the middle to the edges; zero for points and spots."""
+    """From the middle to the edges, or the edges of a triangle; zero for points and spots."""
     half_y: np.ndarray
     angles: tuple[float, float] = (0.0, 0.0)
     """Beam and cutoff of a spot [rad]."""
@@ -39,17 +43,77 @@ class LocalLight:
     @property
     def area(self) -> float:
         """[mm²]; 0 for points and spots."""
-        square = 4 * float(np.linalg.norm(self.half_x) * np.linalg.norm(self.half_y))
-        return square * math.pi / 4 if self.kind == "disk" else square
+        square = float(np.linalg.norm(np.cross(self.half_x, self.half_y)))
+        return square * {"quad": 4.0, "disk": math.pi, "triangle": 0.5}.get(self.kind, 0.0)
+
+    @property
+    def shape(self) -> np.ndarray:
+        """Corner and its two neighbors, shape [3, 3]."""
+        x, y = self.half_x, self.half_y
+        if self.kind == "triangle":
+            return np.stack([self.center, self.center + x, self.center + y])
+        return np.stack([self.center - x - y, self.center + x - y, self.center - x + y])
 
 
-def local_lights(lights: Sequence[Light], middle_mm: np.ndarray) -> list[LocalLight]:
-    """Those of `lights` that stand somewhere; they face `middle_mm` unless they have a target."""
+@dataclass(frozen=True)
+class Stage:
+    """What lights are placed by: the volume and the view."""
+
+    middle_mm: np.ndarray
+    diagonal_mm: float = 1.0
+    camera_axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+    """Rows right, up, toward the camera."""
+
+
+def local_lights(lights: Sequence[Light], stage: Stage) -> list[LocalLight]:
+    """Those of `lights` that stand somewhere; they face the volume's middle unless they have a target."""
+    found: list[LocalLight] = []
+    for light in lights:
+        if isinstance(light, MeshLight):
+            found += mesh_light(light)
+        elif isinstance(light, SoftboxLight):
+            found.append(_placed(softbox_quad(light, stage), stage.middle_mm))
+        elif isinstance(light, PointLight | SpotLight | QuadLight | DiskLight):
+            found.append(_placed(light, stage.middle_mm))
+    return found
+
+
+def mesh_light(light: MeshLight) -> list[LocalLight]:
+    """A light for each triangle. Raises `InputError` for a mesh that cannot shine."""
+    mesh = placed(load_mesh(light.file), light.placement, light.unit_mm)
+    if len(mesh) > MAX_TRIANGLES:
+        what = f"{len(mesh):,} triangles; a mesh light may have {MAX_TRIANGLES:,}."
+        raise InputError(what, path=light.file, hint="Simplify the mesh: a light needs no detail.")
+    value = np.array(light.radiance)
+    edges = mesh.corners[:, 1:] - mesh.corners[:, :1]
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return [
-        _placed(light, middle_mm)
-        for light in lights
-        if isinstance(light, PointLight | SpotLight | QuadLight | DiskLight)
+        LocalLight("triangle", corner, value, normal, x, y)
+        for corner, normal, (x, y) in zip(mesh.corners[:, 0], normals, edges, strict=True)
     ]
+
+
+def softbox_quad(light: SoftboxLight, stage: Stage) -> QuadLight:
+    """The quad that a softbox is. Its radiance gives the irradiance in the middle (Howell, catalog C-3)."""
+    distance = light.distance_mm or 2 * stage.diagonal_mm
+    width, height = light.width_mm or distance / 2, light.height_mm or distance / 2
+    azimuth, elevation = math.radians(light.azimuth_deg), math.radians(light.elevation_deg)
+    flat = math.cos(elevation)
+    toward = np.array([flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)])
+    x, y = width / 2 / distance, height / 2 / distance
+    a, b = math.hypot(1, x), math.hypot(1, y)
+    per_radiance = 2 * (x / a * math.atan(y / a) + y / b * math.atan(x / b))
+    position = stage.middle_mm + distance * toward @ stage.camera_axes
+    red, green, blue = (value / per_radiance for value in light.irradiance)
+    return QuadLight(
+        position_mm=tuple(position.tolist()),
+        target_mm=tuple(stage.middle_mm.tolist()),
+        up=tuple(stage.camera_axes[1].tolist()),
+        width_mm=width,
+        height_mm=height,
+        radiance=(red, green, blue),
+    )
 
 
 def _placed(light: PointLight | SpotLight | QuadLight | DiskLight, middle_mm: np.ndarray) -> LocalLight:
@@ -110,15 +174,10 @@ def light_values(lights: Sequence[LocalLight], voxel_size_mm: float) -> np.ndarr
 
 
 def light_shapes(lights: Sequence[LocalLight], first_material: int) -> Triangles:
-    """What of them a ray can meet: the shape of each quad and disk, with a material of its own."""
+    """What of them a ray can meet: the shape of each area light, with a material of its own."""
     areas = [(index, light) for index, light in enumerate(lights) if light.area > 0]
-    corners = np.array(
-        [
-            [light.center + x * light.half_x + y * light.half_y for x, y in ((-1, -1), (1, -1), (-1, 1))]
-            for _, light in areas
-        ]
-    ).reshape(-1, 3, 3)
+    corners = np.array([light.shape for _, light in areas]).reshape(-1, 3, 3)
     normals = np.array([[light.normal] * 3 for _, light in areas]).reshape(-1, 3, 3)
     material = np.array([first_material + index for index, _ in areas], int)
-    shape = np.array([DISK if light.kind == "disk" else PARALLELOGRAM for _, light in areas], int)
+    shape = np.array([SHAPES[light.kind] for _, light in areas], int)
     return Triangles(corners, normals, np.zeros((len(areas), 3, 2)), material, shape)

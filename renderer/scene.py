@@ -19,7 +19,7 @@ from .config import Light, RenderConfig
 from .film import FILM_LAYERS, SURFACE_FILM_LAYERS
 from .gpu.shader_source import Constant
 from .lights import LightTable, LocalValues, build_light_table
-from .local_lights import LOCAL_ROWS, LocalLight, fluence_at, light_rows, light_values, local_lights
+from .local_lights import LOCAL_ROWS, LocalLight, Stage, fluence_at, light_rows, light_values, local_lights
 from .pixel_filter import CELLS, KINDS, filter_uniforms
 from .scattering_block import pack_scattering, pack_symmetric_tables, symmetric_share
 from .surfaces import SurfaceTable, build_surface_table
@@ -66,6 +66,8 @@ class Scene:
     surfaces: SurfaceTable | None = None
     local_lights: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.float32))
     """Places of the lights that stand somewhere, four rows each; float32, shape [n, 4]."""
+    local_kinds: frozenset[str] = frozenset()
+    """Which of them there are."""
 
     @property
     def film_layers(self) -> int:
@@ -100,11 +102,16 @@ class Scene:
             "RANDOM_PHILOX": 0,
             "SURFACES": self.surfaces is not None,
             "LOCAL_LIGHTS": len(self.local_lights) > 0,
+            **self._local_constants(),
             **self._surface_constants(),
             "CAMERA_LENS": self.camera.aperture_radius > 0,
             **self._filter_constants(),
             **self.phase.constants,
         }
+
+    def _local_constants(self) -> dict[str, Constant]:
+        shapes = {"LOCAL_QUADS": "quad", "LOCAL_DISKS": "disk", "LOCAL_TRIANGLES": "triangle"}
+        return {name: kind in self.local_kinds for name, kind in shapes.items()} if self.local_kinds else {}
 
     def _bsdf(self) -> str:
         return self.surfaces.kinds.bsdf if self.surfaces else "diffuse"
@@ -195,13 +202,15 @@ def lit_scene(scene: Scene, lights: Sequence[Light], axes: np.ndarray, bounds: n
 
 def _lighting(config: RenderConfig, pool: BrickPool, axes: np.ndarray, bounds: np.ndarray) -> dict[str, Any]:
     """Fields of a scene that its lights decide. Surfaces belong to them: a quad light is one."""
-    local = local_lights(config.lights, bounds.mean(axis=0))
+    diagonal = float(np.linalg.norm(np.ptp(bounds, axis=0)))
+    local = local_lights(config.lights, Stage(bounds.mean(axis=0), diagonal, axes))
     return {
         "light_table": build_light_table(
             config.lights, axes, _local_values(local, bounds, pool.voxel_size_mm)
         ),
         "surfaces": build_surface_table(config.surfaces, local, bounds, pool.corner_mm, pool.voxel_size_mm),
         "local_lights": light_rows(local, pool.corner_mm, pool.voxel_size_mm),
+        "local_kinds": frozenset(light.kind for light in local),
     }
 
 

@@ -13,7 +13,7 @@ from weft.files.errors import InputError
 from weft.renderer.config import ConstantLight, OrthographicCamera, PerspectiveCamera, RenderConfig
 from weft.renderer.kernel import KernelOptions
 from weft.renderer.light_config import DiskLight, PointLight, QuadLight, SpotLight
-from weft.renderer.local_lights import light_rows, local_lights
+from weft.renderer.local_lights import Stage, light_rows, local_lights
 from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 from weft.renderer.surface_config import DiffuseMaterial, GroundSurface
@@ -128,7 +128,7 @@ def test_a_quad_overhead_gives_its_closed_form(sampling, height):
 @pytest.mark.parametrize("point", [(1, 3, 2), (0.5, 3.99, 2.5), (5, 1, 3), (40, -30, 10), (2.4, 3.5, 3.2)])
 def test_samples_of_a_quad_are_even_in_solid_angle(point):
     """Parts of the quad get samples in proportion to their solid angle or, where it is small, their area."""
-    light = local_lights([QUAD], np.zeros(3))[0]
+    light = local_lights([QUAD], Stage(np.zeros(3)))[0]
     signature = (
         "vec3 local_light_sample(uint light, vec3 value, vec3 point, vec2 u, out vec3 direction, "
         "out float distance, out float pdf)"
@@ -136,6 +136,7 @@ def test_samples_of_a_quad_are_even_in_solid_angle(point):
     call = probe(
         "light/local.glsl",
         signature,
+        constants={"LOCAL_QUADS": 1, "LOCAL_DISKS": 0, "LOCAL_TRIANGLES": 0},
         prelude="layout(std430, binding = 2) readonly buffer L { vec4 lights[]; };\n"
         "uniform uint local_lights;",
         blocks={2: light_rows([light], np.zeros(3), 1.0)},
@@ -251,4 +252,4 @@ def test_lights_that_cannot_be_are_refused():
         SpotLight(position_mm=(0, 1, 0), intensity=(1, 1, 1), beam_deg=30)
     aimed_at_itself = DiskLight(position_mm=(0, 1, 0), radius_mm=1, radiance=(1, 1, 1))
     with pytest.raises(InputError, match="a disk light stands at its target"):
-        local_lights([aimed_at_itself], np.array([0.0, 1.0, 0.0]))
+        local_lights([aimed_at_itself], Stage(np.array([0.0, 1.0, 0.0])))

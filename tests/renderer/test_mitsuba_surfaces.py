@@ -1,4 +1,4 @@
-"""A ball and a ground around a volume, under lights of six kinds, look as in Mitsuba 3."""
+"""A ball and a ground around a volume, under lights of seven kinds, look as in Mitsuba 3."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from tests.peers.mitsuba_volume import PeerImage
 from weft.renderer.config import ConstantLight, DirectionalLight, PerspectiveCamera, RenderConfig
-from weft.renderer.light_config import DiskLight, PointLight, QuadLight, SpotLight
+from weft.renderer.light_config import DiskLight, MeshLight, PointLight, QuadLight, SpotLight
 from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MeshSurface, Placement
@@ -30,6 +30,7 @@ GROUND, BALL = (0.3, 0.6, 0.8), (0.8, 0.5, 0.2)
 POINT, POINT_INTENSITY = (-0.3, 0.6, 1.2), 0.5
 SPOT, SPOT_INTENSITY, SPOT_BEAM, SPOT_CUTOFF = (1.5, 2.0, 2.0), 4.0, 8.0, 15.0
 QUAD_AT, QUAD_RADIANCE, QUAD_SIZE = (0.4, 1.3, -0.3), 3.0, (0.8, 0.4)
+LAMP_AT, LAMP_RADIANCE, LAMP_RADIUS = (0.0, 0.5, 1.3), 4.0, 0.1
 DISK_AT, DISK_RADIANCE, DISK_RADIUS = (2.3, 0.6, 0.9), 2.0, 0.3
 MIDDLE = (0.4, 0.4, 0.4)
 """What the lights that have a direction face: the middle of the volume."""
@@ -69,6 +70,11 @@ def weft_picture(folder, grid) -> PeerImage:
                 radiance=(QUAD_RADIANCE,) * 3,
                 width_mm=QUAD_SIZE[0],
                 height_mm=QUAD_SIZE[1],
+            ),
+            MeshLight(
+                file=write_ball(folder, name="lamp.obj", subdivisions=1, radius=LAMP_RADIUS),
+                placement=Placement(position_mm=LAMP_AT),
+                radiance=(LAMP_RADIANCE,) * 3,
             ),
             DiskLight(position_mm=DISK_AT, radiance=(DISK_RADIANCE,) * 3, radius_mm=DISK_RADIUS),
         ],
@@ -112,6 +118,7 @@ def mitsuba_scene(mi, folder, grid) -> dict:
     for place, density in zip(grid.origins, grid.density, strict=True):
         values[tuple(slice(p, p + 8) for p in place)] = density.reshape(8, 8, 8)
     write_ball(folder, name="ball.ply", radius=BALL_RADIUS)
+    write_ball(folder, name="lamp.ply", subdivisions=1, radius=LAMP_RADIUS)
 
     def facing(position):
         return transform().look_at(origin=list(position), target=list(MIDDLE), up=[0, 1, 0])
@@ -146,6 +153,14 @@ def mitsuba_scene(mi, folder, grid) -> dict:
             "to_world": facing(DISK_AT).scale(DISK_RADIUS),
             "bsdf": {"type": "diffuse", "reflectance": 0.0},
             "emitter": {"type": "area", "radiance": DISK_RADIANCE},
+        },
+        "lamp": {
+            "type": "ply",
+            "filename": str(folder / "lamp.ply"),
+            "face_normals": True,
+            "to_world": transform().translate(list(LAMP_AT)),
+            "bsdf": {"type": "diffuse", "reflectance": 0.0},
+            "emitter": {"type": "area", "radiance": LAMP_RADIANCE},
         },
         "ground": {
             "type": "rectangle",

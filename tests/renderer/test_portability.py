@@ -12,7 +12,7 @@ import pytest
 from weft.renderer.config import ConstantLight, LanczosFilter, PerspectiveCamera, RenderConfig
 from weft.renderer.gpu.shader_source import assemble
 from weft.renderer.kernel import voxel_pages_glsl
-from weft.renderer.light_config import QuadLight
+from weft.renderer.light_config import DiskLight, QuadLight
 from weft.renderer.scene import IsotropicPhase, build_scene
 from weft.renderer.surface_config import GroundSurface, PrincipledMaterial
 
@@ -24,7 +24,10 @@ VARIANTS = list(
 )
 EXTRAS = {
     "surfaces": [GroundSurface(material=PrincipledMaterial())],
-    "lights": [QuadLight(position_mm=(0, 9, 0), width_mm=1, height_mm=1, radiance=(1, 1, 1))],
+    "lights": [
+        QuadLight(position_mm=(0, 9, 0), width_mm=1, height_mm=1, radiance=(1, 1, 1)),
+        DiskLight(position_mm=(0, 9, 0), radius_mm=1, radiance=(1, 1, 1)),
+    ],
     "filter": LanczosFilter(),
     "camera": PerspectiveCamera(aperture_radius_mm=0.1, aperture_blades=6),
 }

@@ -1,106 +1,70 @@
-// Lights that stand somewhere. Quads are sampled uniformly by solid angle (Urena, Fajardo and King 2013), disks as the
-// part of their square that they fill; where the square is small to see, by area. Points and spots cannot be met.
+// Lights that stand somewhere: points, spots, quads, disks, triangles. Only the shapes that a scene has are compiled in.
 // Needs from the program: lights[], local_lights (first row), local_first (first entry of the alias table).
 #include "math/constants.glsl"
-#include "math/arctangent.glsl"
+#include "math/angles.glsl"  // here, since an include counts once, wanted or not
+#constant LOCAL_QUADS
+#constant LOCAL_DISKS
+#constant LOCAL_TRIANGLES
+#if LOCAL_QUADS
+#include "light/quad.glsl"
+#endif
+#if LOCAL_DISKS
+#include "light/disk.glsl"
+#endif
+#if LOCAL_TRIANGLES
+#include "light/triangle.glsl"
+#endif
 
-// A rectangle as it is seen from a point: z toward the viewer's side, x and y along its edges.
-struct SeenRectangle {
-    vec2 low;      // corner nearest to minus infinity, from the point
-    vec2 high;
-    float height;  // of the rectangle along its normal; negative on its bright side
-    float solid_angle;  // 0: choose by area
-    float k;
-    vec2 b;
-};
-
-float angle_between(vec3 a, vec3 b) {
-    return arctangent(length(cross(a, b)), dot(a, b));
-}
-
-SeenRectangle see_rectangle(uint row, vec3 point) {
-    vec3 half_x = lights[row + 1u].xyz;
-    vec3 half_y = lights[row + 2u].xyz;
-    vec2 size = vec2(length(half_x), length(half_y));
-    vec3 d = lights[row].xyz - point;
-    vec2 middle = vec2(dot(d, half_x), dot(d, half_y)) / size;
-    SeenRectangle r;
-    r.low = middle - size;
-    r.high = middle + size;
-    r.height = dot(d, lights[row + 3u].xyz);
-    vec2 nearest = clamp(vec2(0.0), r.low, r.high);
-    float z = abs(r.height);
-    float away = dot(nearest, nearest) + z * z;
-    bool large = 4.0 * size.x * size.y * z > 0.1 * away * sqrt(away);
-    vec3 v00 = vec3(r.low, -z);
-    vec3 v11 = vec3(r.high, -z);
-    vec3 v01 = vec3(v00.x, v11.y, -z);
-    vec3 v10 = vec3(v11.x, v00.y, -z);
-    vec3 n0 = normalize(cross(v00, v10));
-    vec3 n1 = normalize(cross(v10, v11));
-    vec3 n2 = normalize(cross(v11, v01));
-    vec3 n3 = normalize(cross(v01, v00));
-    r.b = vec2(n0.z, n2.z);
-    r.k = TWO_PI - angle_between(-n2, n3) - angle_between(-n3, n0);
-    float solid = angle_between(-n0, n1) + angle_between(-n1, n2) - r.k;
-    r.solid_angle = large && solid > 0.01 ? solid : 0.0;
-    return r;
-}
-
-// Place on the rectangle's plane, from the point below it, uniform in solid angle.
-vec2 place_by_solid_angle(SeenRectangle r, vec2 u) {
-    float z = abs(r.height);
-    float a = u.x * r.solid_angle + r.k;
-    float f = (cos(a) * r.b.x - r.b.y) / sin(a);
-    float c = clamp((f > 0.0 ? 1.0 : -1.0) * inversesqrt(f * f + r.b.x * r.b.x), -1.0, 1.0);
-    float x = clamp(c * z * inversesqrt(max(1.0 - c * c, 1e-12)), r.low.x, r.high.x);
-    float d = sqrt(x * x + z * z);
-    float h0 = r.low.y * inversesqrt(d * d + r.low.y * r.low.y);
-    float h1 = r.high.y * inversesqrt(d * d + r.high.y * r.high.y);
-    float h = mix(h0, h1, u.y);
-    return vec2(x, clamp(h * d * inversesqrt(max(1.0 - h * h, 1e-12)), r.low.y, r.high.y));
-}
-
-// Density with which a place of the square is chosen [1/sr]; `away`: from the point to it.
-float square_pdf(SeenRectangle r, vec3 away) {
-    vec2 size = r.high - r.low;
-    float squared = dot(away, away);
-    float by_area = squared * sqrt(squared) / (size.x * size.y * max(abs(r.height), 1e-20));
-    return r.solid_angle > 0.0 ? 1.0 / r.solid_angle : by_area;
-}
+const float LIGHT_SPOT = 1.0;
+const float LIGHT_QUAD = 2.0;
+const float LIGHT_DISK = 3.0;
+const float LIGHT_TRIANGLE = 4.0;
 
 // Density, without the chance of the light, of choosing the direction to a place that a ray from `point` has met.
 float local_light_pdf(uint light, vec3 point, vec3 away) {
-    return square_pdf(see_rectangle(local_lights + 4u * light, point), away);
+    uint row = local_lights + 4u * light;
+    float kind = lights[row].w;
+    float pdf = 0.0;
+#if LOCAL_QUADS
+    if (kind == LIGHT_QUAD) pdf = quad_pdf(row, point, away);
+#endif
+#if LOCAL_DISKS
+    if (kind == LIGHT_DISK) pdf = disk_pdf(row, point, away);
+#endif
+#if LOCAL_TRIANGLES
+    if (kind == LIGHT_TRIANGLE) pdf = triangle_pdf(row, point, away);
+#endif
+    return pdf;
 }
 
-// From a point toward the light: direction, distance, radiance or irradiance divided by `pdf`, and whether it can be
-// met. `value` is the light's entry.
+// From a point toward the light: direction, distance, radiance or irradiance divided by `pdf`, which is 0 for what
+// cannot be met. `value` is the light's entry.
 vec3 local_light_sample(uint light, vec3 value, vec3 point, vec2 u, out vec3 direction, out float distance, out float pdf) {
     uint row = local_lights + 4u * light;
     vec4 center = lights[row];
-    vec4 x = lights[row + 1u];
-    vec4 y = lights[row + 2u];
     vec3 normal = lights[row + 3u].xyz;
     vec3 away = center.xyz - point;
-    bool area = center.w > 1.5;
+    bool area = center.w >= LIGHT_QUAD;
+    bool bright = dot(away, normal) < 0.0;
     pdf = 0.0;
-    if (area) {
-        SeenRectangle r = see_rectangle(row, point);
-        vec2 place = r.solid_angle > 0.0 ? place_by_solid_angle(r, u) : mix(r.low, r.high, u);
-        vec2 size = 0.5 * (r.high - r.low);
-        away = place.x / size.x * x.xyz + place.y / size.y * y.xyz + r.height * normal;
-        pdf = square_pdf(r, away);
-        vec2 from_middle = (place - 0.5 * (r.low + r.high)) / size;
-        bool beside = center.w > 2.5 && dot(from_middle, from_middle) > 1.0;
-        value = beside || r.height >= 0.0 ? vec3(0.0) : value / pdf;
-    }
+#if LOCAL_QUADS
+    if (center.w == LIGHT_QUAD) away = quad_sample(row, point, u, pdf);
+#endif
+#if LOCAL_DISKS
+    if (center.w == LIGHT_DISK) away = disk_sample(row, point, u, pdf);
+#endif
+#if LOCAL_TRIANGLES
+    if (center.w == LIGHT_TRIANGLE) away = triangle_sample(row, point, u, pdf);
+#endif
     distance = length(away);
     direction = away / max(distance, 1e-20);
+    if (area) value = bright ? value / pdf : vec3(0.0);
     if (!area) value /= max(distance * distance, 1e-12);
-    if (center.w == 1.0) {
+    if (center.w == LIGHT_SPOT) {
+        float beam = lights[row + 1u].w;
+        float cutoff = lights[row + 2u].w;
         float angle = arctangent(length(cross(normal, direction)), -dot(normal, direction));
-        value *= clamp((y.w - angle) / (y.w - x.w), 0.0, 1.0);
+        value *= clamp((cutoff - angle) / (cutoff - beam), 0.0, 1.0);
     }
     return value;
 }
