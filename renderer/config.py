@@ -232,6 +232,12 @@ class RenderConfig(Settings):
     About 3.5 matches fibers traced one by one; not reciprocal, hence off by default. Of several media the
     thickest fiber counts.
     """
+    correlation: Literal["none", "fibers"] = "none"
+    """none: fibers are independent points, as in any participating medium. fibers: free flights know that
+    voxels hold few and thick fibers, that a path left one of them, and how it came there.
+
+    Nearer to fibers traced one by one (renderer/README.md); needs tracking = "exact" and projected extinction.
+    """
     tracking: Literal["exact", "delta"] = "exact"
     """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
     sampling: Literal["both", "lights", "phase"] = "both"
@@ -261,4 +267,17 @@ class RenderConfig(Settings):
     def _scale_needs_isotropic(self) -> RenderConfig:
         if self.isotropic_extinction_per_mm is not None and self.extinction != "isotropic":
             raise ValueError('isotropic_extinction_per_mm has no effect unless extinction = "isotropic"')
+        return self
+
+    @model_validator(mode="after")
+    def _correlation_needs_exact_tracking(self) -> RenderConfig:
+        if self.correlation == "fibers":
+            if self.tracking != "exact" or self.extinction != "projected":
+                raise ValueError(
+                    'correlation = "fibers" needs tracking = "exact" and extinction = "projected"'
+                )
+            if self.self_shadow_offset_fibers > 0:
+                raise ValueError(
+                    'correlation = "fibers" leaves the own fiber out; drop self_shadow_offset_fibers'
+                )
         return self

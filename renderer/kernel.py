@@ -19,6 +19,8 @@ from .scene import Scene
 GROUP_SIZE = 64
 STATE_WORDS = 9
 """Rows of four words per path; one more in scenes with surfaces."""
+CORRELATION_WORDS = 3
+"""Rows more where fibers are correlated (shaders/path/state.glsl)."""
 COUNTERS = (
     "pixel",
     "steps",
@@ -191,7 +193,8 @@ class Kernel:
         self.counters = buffers.upload(ctx, np.zeros(8, np.uint32), name="the counters")
 
     def _reserve_states(self) -> None:
-        self.state_words = STATE_WORDS + (self.scene.surfaces is not None)
+        correlated = self.scene.config.correlation != "none"
+        self.state_words = STATE_WORDS + (self.scene.surfaces is not None) + CORRELATION_WORDS * correlated
         size = self.lane_count * self.state_words * 16
         self.states = buffers.reserve(self.context, size, name="the paths")
 

@@ -95,6 +95,7 @@ class Scene:
         return {
             "LAYER_COUNT": self.pool.layer_count,
             "EXTINCTION_PROJECTED": self.config.extinction == "projected",
+            "FIBER_CORRELATION": self.config.correlation == "fibers",
             "TRACKING_DELTA": self.config.tracking == "delta",
             "SHADOW_ROULETTE": SHADOW_ROULETTE,
             "SAMPLE_LIGHTS": self.config.sampling != "phase",
@@ -165,6 +166,7 @@ class Scene:
             "max_bounces": config.max_bounces,
             "roulette_start": config.roulette_start,
             "start_offset": offset,
+            "fiber_radius": float(pool.fiber_radius_mm.max()) / pool.voxel_size_mm,
             "background": (0.0, 0.0, 0.0, 1.0) if from_environment else (*config.background, 0.0),
             "camera_perspective": int(camera.perspective),
             "camera_position": tuple((camera.position - pool.corner_mm) / pool.voxel_size_mm),

@@ -3,6 +3,7 @@
 #include "math/hemi_octahedral.glsl"
 #constant LAYER_COUNT
 #constant EXTINCTION_PROJECTED
+#constant FIBER_CORRELATION
 
 const uint EMPTY_CELL = 0x80000000u;
 
@@ -10,6 +11,9 @@ struct Cell {
     ivec3 lower;       // first voxel of the box
     ivec3 upper;       // one past its last
     float extinction;  // for the given direction [1/voxel]; in a majorant cell, a bound on it
+#if FIBER_CORRELATION
+    float fibers;      // how many fibers cross the voxel
+#endif
 };
 
 bool is_outside(ivec3 voxel) {
@@ -22,7 +26,14 @@ uint cell_word(ivec3 cell) {
 
 Cell empty_cells(ivec3 cell, uint word) {
     int radius = int(word & 0xffffu);
-    return Cell((cell - radius) * 8, (cell + radius + 1) * 8, 0.0);
+    Cell box;
+    box.lower = (cell - radius) * 8;
+    box.upper = (cell + radius + 1) * 8;
+    box.extinction = 0.0;
+#if FIBER_CORRELATION
+    box.fibers = 0.0;
+#endif
+    return box;
 }
 
 uint voxel_index(ivec3 voxel) {
@@ -41,6 +52,14 @@ float voxel_extinction(uint word, float extinction_per_level, vec3 direction) {
     return extinction;
 }
 
+#if FIBER_CORRELATION
+// Fibers of a voxel: their length over that of the mean chord along their axis, phi h^2 |t|_1 / (pi a^2).
+float voxel_fibers(uint word, float extinction_per_level) {
+    vec3 axis = abs(normalize(unscaled_axis(word)));
+    return float(word >> 20) * extinction_per_level * (axis.x + axis.y + axis.z) / (2.0 * fiber_radius);
+}
+#endif
+
 // Exact: a voxel with fiber, or the box without any around it.
 Cell exact_cell(ivec3 voxel, vec3 direction) {
     ivec3 cell = voxel >> 3;
@@ -50,6 +69,7 @@ Cell exact_cell(ivec3 voxel, vec3 direction) {
     uint layers = (word >> 28) + 1u;
     uint index = voxel_index(voxel);
     float extinction = 0.0;
+    float fibers = 0.0;
     int radius = 7;
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
         if (layer < layers) {
@@ -58,10 +78,20 @@ Cell exact_cell(ivec3 voxel, vec3 direction) {
             radius = min(radius, occupied ? 0 : int(stored & 7u));
             extinction += occupied
                 ? voxel_extinction(stored, uintBitsToFloat(bricks[first + layer].x), direction) : 0.0;
+#if FIBER_CORRELATION
+            if (occupied) fibers += voxel_fibers(stored, uintBitsToFloat(bricks[first + layer].x));
+#endif
         }
     }
     ivec3 corner = cell * 8;
-    return Cell(max(voxel - radius, corner), min(voxel + radius + 1, corner + 8), extinction);
+    Cell box;
+    box.lower = max(voxel - radius, corner);
+    box.upper = min(voxel + radius + 1, corner + 8);
+    box.extinction = extinction;
+#if FIBER_CORRELATION
+    box.fibers = fibers;
+#endif
+    return box;
 }
 
 // Bound of the whole brick, or the box of empty cells.
@@ -79,7 +109,14 @@ Cell majorant_cell(ivec3 voxel) {
         }
     }
     // rounded up: the sum above and the one over a voxel may round differently
-    return Cell(cell * 8, cell * 8 + 8, majorant * (1.0 + 1e-6));
+    Cell box;
+    box.lower = cell * 8;
+    box.upper = cell * 8 + 8;
+    box.extinction = majorant * (1.0 + 1e-6);
+#if FIBER_CORRELATION
+    box.fibers = 0.0;
+#endif
+    return box;
 }
 
 // The medium met at a collision, chosen in proportion to extinction by u in [0, 1); `axis` is its fiber direction.

@@ -57,6 +57,10 @@ void start_camera_ray(inout Path p) {
     p.radiance = vec3(0.0);
     p.throughput = vec3(1.0);
     p.bounce = 0u;
+#if FIBER_CORRELATION
+    p.left_axis = vec3(0.0);
+    p.run = NO_FIBERS;
+#endif
     p.phase_pdf = 0.0;
     p.rng.z = 0u;
     p.depth_left = exponential(random_words(p.rng).x);

@@ -49,6 +49,11 @@ void scatter(inout Path p) {
         cut_path(p);
         return;
     }
+#if FIBER_CORRELATION
+    p.left_axis = axis;
+    p.left_wo = -p.direction;
+    p.left_gap = p.t;
+#endif
     p.bounce += 1u;
     p.origin = p.origin + p.direction * p.t;
     p.origin_voxel = p.voxel;

@@ -7,6 +7,7 @@
 #constant SHADOW_ROULETTE
 #constant TRACKING_DELTA
 #constant SURFACES
+#constant FIBER_CORRELATION
 
 #if SURFACES
 const float BEFORE_THE_LIGHT = 0.9999;  // so that a shadow ray does not end in the light's own shape
@@ -23,6 +24,9 @@ void start_seek(inout Path p, float t_end, uint mode) {
 
 void start_segment(inout Path p, vec3 direction) {
     p.direction = direction;
+#if FIBER_CORRELATION
+    p.run = NO_FIBERS;
+#endif
 #if SURFACES
     if (p.origin_voxel == ON_SURFACE) {
         p.t = 0.0;

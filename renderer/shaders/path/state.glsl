@@ -1,8 +1,10 @@
 // The state of one lane, and its place in the state buffer between dispatches. Everything a path depends on is
 // saved bit by bit, so cutting a path into dispatches changes nothing.
-// Needs from the program: states[] (9 uvec4 per lane, 10 with surfaces; STATE_WORDS in renderer/kernel.py), lane_count, seed.
+// Needs from the program: states[] (9 uvec4 per lane, 1 more with surfaces, 3 more where fibers are correlated;
+// `state_words` in renderer/kernel.py), lane_count, seed.
 #include "rng/random.glsl"
 #constant SURFACES
+#constant FIBER_CORRELATION
 
 // 32 random bits each; moves the sample on by one dimension.
 uvec4 random_words(inout uvec4 rng) {
@@ -36,6 +38,11 @@ const float NO_END = 1e30;
 const ivec3 ON_SURFACE = ivec3(-0x40000000);  // the voxel of an origin that lies on a surface
 #endif
 
+#if FIBER_CORRELATION
+#include "medium/fiber_run.glsl"
+const uint CORRELATION_ROW = 9u + uint(SURFACES);
+#endif
+
 struct Path {
     vec3 origin;         // of the segment [voxels]
     float t;             // along the segment [voxels]
@@ -59,6 +66,12 @@ struct Path {
     uint node;           // of the hierarchy, the next to be looked at
     uint triangle;       // the nearest found
     uint sought;         // the mode that follows: flight or shadow
+#endif
+#if FIBER_CORRELATION
+    vec3 left_axis;      // of the fiber that the segment leaves; zero where it leaves none
+    vec3 left_wo;        // toward where the path came to it from
+    float left_gap;      // as far as that is known to be free [voxels]
+    FiberRun run;        // what the segment has passed since it last was among no fibers
 #endif
 };
 
@@ -97,6 +110,15 @@ Path load_path(uint lane) {
     p.triangle = w9.z;
     p.sought = w9.w;
 #endif
+#if FIBER_CORRELATION
+    uvec4 c0 = states[lane + lane_count * CORRELATION_ROW];
+    uvec4 c1 = states[lane + lane_count * (CORRELATION_ROW + 1u)];
+    uvec4 c2 = states[lane + lane_count * (CORRELATION_ROW + 2u)];
+    p.left_axis = uintBitsToFloat(c0.xyz);
+    p.left_gap = uintBitsToFloat(c0.w);
+    p.left_wo = uintBitsToFloat(c1.xyz);
+    p.run = FiberRun(uintBitsToFloat(c1.w), uintBitsToFloat(c2.x), uintBitsToFloat(c2.y));
+#endif
     return p;
 }
 
@@ -112,5 +134,12 @@ void store_path(uint lane, Path p) {
     states[lane + lane_count * 8u] = uvec4(p.rng.x, p.rng.y, floatBitsToUint(p.next_free), 0u);
 #if SURFACES
     states[lane + lane_count * 9u] = uvec4(floatBitsToUint(p.t_end), p.node, p.triangle, p.sought);
+#endif
+#if FIBER_CORRELATION
+    states[lane + lane_count * CORRELATION_ROW] = uvec4(floatBitsToUint(p.left_axis), floatBitsToUint(p.left_gap));
+    states[lane + lane_count * (CORRELATION_ROW + 1u)] =
+        uvec4(floatBitsToUint(p.left_wo), floatBitsToUint(p.run.depth));
+    states[lane + lane_count * (CORRELATION_ROW + 2u)] =
+        uvec4(floatBitsToUint(p.run.fibers), floatBitsToUint(p.run.own), 0u, 0u);
 #endif
 }

@@ -71,6 +71,9 @@ void meet_surface(inout Path p) {
         cut_path(p);
         return;
     }
+#if FIBER_CORRELATION
+    p.left_axis = vec3(0.0);
+#endif
     p.bounce += 1u;
     p.origin = off_surface(vertex.position, vertex.flat_normal);
     p.origin_voxel = ON_SURFACE;

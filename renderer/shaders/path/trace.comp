@@ -30,6 +30,7 @@ uniform uint sample_end;
 uniform uint max_bounces;
 uniform uint roulette_start;
 uniform float start_offset;  // of segments after a scattering event [voxels]
+uniform float fiber_radius;  // of the thickest fiber [voxels]
 uniform vec4 background;     // color; w > 0: the environment instead
 uniform int camera_perspective;
 uniform vec3 camera_position;

@@ -1,0 +1,8 @@
+// What a segment has passed since it last was among no fibers; see medium/correlated_step.glsl.
+struct FiberRun {
+    float depth;   // optical depth, as if fibers were independent points
+    float fibers;  // how many it has passed through the voxels of
+    float own;     // one where the fiber that it left is among them
+};
+
+const FiberRun NO_FIBERS = FiberRun(0.0, 0.0, 0.0);
