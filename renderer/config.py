@@ -236,7 +236,7 @@ class RenderConfig(Settings):
     """none: fibers are independent points, as in any participating medium. fibers: free flights know that
     voxels hold few and thick fibers, that a path left one of them, and how it came there.
 
-    Nearer to fibers traced one by one (renderer/README.md); needs tracking = "exact" and projected extinction.
+    Nearer to fibers traced one by one (renderer/README.md); needs exact tracking and projected extinction.
     """
     tracking: Literal["exact", "delta"] = "exact"
     """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
