@@ -238,6 +238,11 @@ class RenderConfig(Settings):
 
     Nearer to fibers traced one by one (renderer/README.md); needs exact tracking and projected extinction.
     """
+    brick_pool_mb: float | None = Field(default=None, gt=0)
+    """Memory for voxels on the device [MiB]; unset: as much as they need.
+
+    Paths that need other voxels wait for them; the picture is the same, bit by bit.
+    """
     tracking: Literal["exact", "delta"] = "exact"
     """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
     sampling: Literal["both", "lights", "phase"] = "both"

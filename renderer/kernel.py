@@ -14,6 +14,7 @@ from weft.files.errors import DeviceMemoryError
 from .brick_pool import BrickPool
 from .gpu import buffers
 from .gpu.programs import compute_program, set_uniforms
+from .pager import BrickPager, pool_capacity
 from .scene import Scene
 
 GROUP_SIZE = 64
@@ -21,6 +22,8 @@ STATE_WORDS = 9
 """Rows of four words per path; one more in scenes with surfaces."""
 CORRELATION_WORDS = 3
 """Rows more where fibers are correlated (shaders/path/state.glsl)."""
+WANTED_ROW = 8
+"""Whose last word is the brick that a path waits for."""
 COUNTERS = (
     "pixel",
     "steps",
@@ -30,6 +33,8 @@ COUNTERS = (
     "broken_samples",
     "majorant_violations",
 )
+BUSY_LANES, WAITING_LANES = len(COUNTERS), len(COUNTERS) + 1
+"""Where the kernel counts lanes that are not done, and those of them that wait for a brick."""
 MAX_VOXEL_PAGES = 8
 FIRST_PAGE_BINDING = 7
 STORAGE_BLOCKS = 8
@@ -70,6 +75,12 @@ class Counts:
     cut_paths: int = 0
     broken_samples: int = 0
     majorant_violations: int = 0
+    waiting_lanes: int = 0
+    """Lanes that waited for a brick at the end of a dispatch, over all dispatches."""
+    brick_uploads: int = 0
+    """Bricks loaded into the device's pool, where that is smaller than the volume."""
+    bricks_used: int = 0
+    """Different bricks among them."""
     dispatches: int = 0
     longest_dispatch_seconds: float = 0.0
 
@@ -95,6 +106,8 @@ class Kernel:
     def change(self, scene: Scene) -> None:
         """Another camera, size, light or scattering of the same volume; compiles anew only other code."""
         before, self.scene = self.scene, scene
+        if self.pager is not None:
+            self.pager.change(scene)
         if scene.light_table is not before.light_table:
             self.lights.release()
             self.lights = self._upload_lights()
@@ -114,8 +127,26 @@ class Kernel:
 
         `tick` is called after each dispatch with the number of samples finished since the last call.
         """
-        width = self.scene.config.window[2]
-        pixel_count = width * len(rows)
+        left, _, width, _ = self.scene.config.window
+        columns = range(left, left + width)
+        if self.pager is None:
+            return self._trace_part(columns, rows, samples, tick)
+        film = np.empty((self.scene.film_layers, len(rows), width, 4), np.float32)
+        for batch in self.pager.batches(columns, rows):
+            self.pager.begin(batch)
+            part = self._trace_part(batch.columns, batch.rows, samples, tick)
+            top, first = batch.rows.start - rows.start, batch.columns.start - left
+            film[:, top : top + len(batch.rows), first : first + len(batch.columns)] = part.reshape(
+                len(film), len(batch.rows), len(batch.columns), 4
+            )
+        self.counts.brick_uploads, self.counts.bricks_used = self.pager.uploads, self.pager.bricks_used
+        return film.reshape(len(film), -1, 4)
+
+    def _trace_part(
+        self, columns: range, rows: range, samples: range, tick: Callable[[int], None] | None
+    ) -> np.ndarray:
+        """`trace` of a rectangle of pixels."""
+        pixel_count = len(columns) * len(rows)
         layers = self.scene.film_layers
         film = buffers.reserve(self.context, layers * pixel_count * 16, name="the film")
         film.clear()
@@ -126,6 +157,8 @@ class Kernel:
         set_uniforms(
             self.program,
             {
+                "first_column": columns.start,
+                "column_count": len(columns),
                 "first_row": rows.start,
                 "row_count": len(rows),
                 "sample_begin": samples.start,
@@ -148,6 +181,9 @@ class Kernel:
         seconds = time.perf_counter() - started
         # all but the next pixel start again from zero, so that none can pass 32 bits
         self.counters.write(np.concatenate([values[:1], np.zeros(len(values) - 1, np.uint32)]))
+        if self.pager is not None and values[WAITING_LANES]:
+            self.counts.waiting_lanes += int(values[WAITING_LANES])
+            self.pager.serve(self._wanted_bricks())
         for name, value in zip(COUNTERS[1:], values[1:], strict=False):
             setattr(self.counts, name, getattr(self.counts, name) + int(value))
         self.counts.dispatches += 1
@@ -155,7 +191,12 @@ class Kernel:
         self._adapt(seconds)
         if tick:
             tick(int(values[3]))
-        return bool(values[7])
+        return bool(values[BUSY_LANES])
+
+    def _wanted_bricks(self) -> np.ndarray:
+        """What each lane waits for, uint32, shape [lane_count]."""
+        row = self.lane_count * 16
+        return np.frombuffer(self.states.read(size=row, offset=WANTED_ROW * row), np.uint32)[3::4]
 
     def _adapt(self, seconds: float) -> None:
         """Rounds of the next dispatch: toward the wished duration, at most doubled, within the budget."""
@@ -177,20 +218,27 @@ class Kernel:
         pool, ctx = self.scene.pool, self.context
         page_bricks = _bricks_per_page(ctx)
         self.page_shift = page_bricks.bit_length() - 1
-        pages = [
-            pool.voxels[start : start + page_bricks] for start in range(0, len(pool.voxels), page_bricks)
-        ]
-        most = _page_limit(ctx.info)
-        if len(pages) > most:
+        records = brick_records(pool, self.scene.extinction_scale)
+        capacity = pool_capacity(self.scene)
+        needed = -(-(capacity or len(pool.voxels)) // page_bricks)
+        if needed > (most := _page_limit(ctx.info)):
             raise DeviceMemoryError(
-                f"render: {len(pool.voxels)} bricks need {len(pages)} buffers; there are {most}.",
-                hint="Raise voxelize.voxel_size_mm.",
+                f"render: {capacity or len(pool.voxels)} bricks need {needed} buffers; there are {most}.",
+                hint="Set a smaller render.brick_pool_mb, or raise voxelize.voxel_size_mm.",
             )
-        self.pages = [buffers.upload(ctx, page, name="the voxels") for page in pages]
+        self.pager = None if capacity is None else BrickPager(ctx, self.scene, capacity, records, page_bricks)
         self.cells = buffers.upload(ctx, pool.cells, name="the cells")
-        self.bricks = buffers.upload(ctx, brick_records(pool, self.scene.extinction_scale), name="the bricks")
+        if self.pager is None:
+            self.pages = [
+                buffers.upload(ctx, pool.voxels[start : start + page_bricks], name="the voxels")
+                for start in range(0, len(pool.voxels), page_bricks)
+            ]
+            self.bricks = buffers.upload(ctx, records, name="the bricks")
+        else:
+            self.pages, self.bricks = self.pager.pages, self.pager.bricks
+        self.device_bytes = sum(buffer.size for buffer in (self.cells, self.bricks, *self.pages))
         self._reserve_states()
-        self.counters = buffers.upload(ctx, np.zeros(8, np.uint32), name="the counters")
+        self.counters = buffers.upload(ctx, np.zeros(WAITING_LANES + 1, np.uint32), name="the counters")
 
     def _reserve_states(self) -> None:
         correlated = self.scene.config.correlation != "none"
@@ -235,10 +283,18 @@ class Kernel:
                 "GROUP_SIZE": GROUP_SIZE,
                 "STEPS_PER_ROUND": self.options.steps_per_round,
                 "SEEKS_PER_ROUND": self.options.seeks_per_round,
+                "BRICK_POOL": self.pager is not None,
             },
             pieces=self.scene.pieces()
-            | {"generated/voxel_pages.glsl": voxel_pages_glsl(len(self.pages), self.page_shift)},
+            | {
+                "generated/voxel_pages.glsl": self._voxel_pages(),
+                "generated/parking.glsl": '#include "medium/parking.glsl"\n' if self.pager else "",
+            },
         )
+
+    def _voxel_pages(self) -> str:
+        table = None if self.pager is None else len(self.scene.pool.voxels)
+        return voxel_pages_glsl(len(self.pages), self.page_shift, slot_table=table)
 
     def release(self) -> None:
         """Give the device memory back."""
@@ -273,23 +329,36 @@ def brick_records(pool: BrickPool, extinction_scale: np.ndarray) -> np.ndarray:
     return records
 
 
-def voxel_pages_glsl(page_count: int, page_shift: int) -> str:
-    """Buffers of voxels and the function that picks the right one."""
+def voxel_pages_glsl(page_count: int, page_shift: int, *, slot_table: int | None = None) -> str:
+    """Buffers of voxels and the function that picks the right one.
+
+    `slot_table`: where in bricks[] the table begins that says in which slot of the pages a brick lies;
+    without it, brick n lies in slot n.
+    """
     lines = [
         f"layout(std430, binding = {binding}) readonly buffer Voxels{i} {{ uint voxels_{i}[]; }};"
         for i, binding in enumerate(range(FIRST_PAGE_BINDING, FIRST_PAGE_BINDING + page_count))
     ]
-    lines += ["uint voxel_word(uint brick, uint voxel) {"]
+    slot = "brick"
+    if slot_table is not None:
+        slot = "brick_slot(brick)"
+        lines += [
+            "uint brick_slot(uint brick) {",
+            f"    uvec2 pair = bricks[{slot_table}u + (brick >> 1u)];",
+            "    return (brick & 1u) == 0u ? pair.x : pair.y;",
+            "}",
+        ]
+    lines += ["uint voxel_word(uint brick, uint voxel) {", f"    uint slot = {slot};"]
     if page_count > 1:
         mask = (1 << page_shift) - 1
         lines += [
-            f"    uint page = brick >> {page_shift}u;",
-            f"    uint index = (brick & {mask}u) * 512u + voxel;",
+            f"    uint page = slot >> {page_shift}u;",
+            f"    uint index = (slot & {mask}u) * 512u + voxel;",
         ]
         lines += [f"    if (page == {i}u) return voxels_{i}[index];" for i in range(page_count - 1)]
         lines += [f"    return voxels_{page_count - 1}[index];"]
     else:
-        lines += ["    return voxels_0[brick * 512u + voxel];"]
+        lines += ["    return voxels_0[slot * 512u + voxel];"]
     return "\n".join([*lines, "}"]) + "\n"
 
 

@@ -48,6 +48,13 @@ class RenderStatistics:
     longest_dispatch_seconds: float
     device: str
     device_bytes: int
+    """Of cells and bricks."""
+    brick_uploads: int = 0
+    """Bricks loaded into the pool, where `brick_pool_mb` is smaller than the volume."""
+    bricks_used: int = 0
+    """Different bricks among them."""
+    waiting_lanes: int = 0
+    """Paths that waited for a brick when a dispatch ended, summed over the dispatches."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +103,10 @@ def run(
         dispatches=counts.dispatches,
         longest_dispatch_seconds=counts.longest_dispatch_seconds,
         device=device_name(context),
-        device_bytes=scene.pool.byte_count,
+        device_bytes=kernel.device_bytes,
+        brick_uploads=counts.brick_uploads,
+        bricks_used=counts.bricks_used,
+        waiting_lanes=counts.waiting_lanes,
     )
     return RenderResult(config, film.layers(scene.pool.voxel_size_mm), statistics)
 

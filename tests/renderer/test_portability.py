@@ -42,7 +42,11 @@ def kernel_text(tracking, extinction, phase, count, philox, **extras):
         config, volume(*grids), {"a": TABLE["reference"] if phase == "fiber" else IsotropicPhase()}
     )
     options = {"GROUP_SIZE": 64, "STEPS_PER_ROUND": 24, "SEEKS_PER_ROUND": 32, "RANDOM_PHILOX": philox}
-    pieces = scene.pieces() | {"generated/voxel_pages.glsl": voxel_pages_glsl(count, 16)}
+    options["BRICK_POOL"] = pooled = extras.pop("pooled", False)
+    pieces = scene.pieces() | {
+        "generated/voxel_pages.glsl": voxel_pages_glsl(count, 16, slot_table=count if pooled else None),
+        "generated/parking.glsl": '#include "medium/parking.glsl"\n' if pooled else "",
+    }
     return assemble("path/trace.comp", constants=scene.constants() | options, pieces=pieces).text
 
 

@@ -167,5 +167,5 @@ def test_scattering_kinds_do_not_mix():
 def test_page_function_covers_every_page():
     text = voxel_pages_glsl(3, 4)
     assert text.count("readonly buffer") == 3
-    assert "brick >> 4u" in text
-    assert "brick & 15u" in text
+    assert "slot >> 4u" in text
+    assert "slot & 15u" in text

@@ -2,6 +2,8 @@
 // majorant per brick. The free optical depth is consumed across bricks and drawn anew at tentative collisions only.
 #include "medium/stepping.glsl"
 #include "path/segments.glsl"
+#constant BRICK_POOL
+#include "generated/parking.glsl"  // medium/parking.glsl; empty where all bricks are on the device
 
 void track(inout Path p) {
     Cell cell = majorant_cell(p.voxel);
@@ -13,6 +15,9 @@ void track(inout Path p) {
     float depth = cell.extinction * (t_exit - p.t);
     bool shadow = p.mode == MODE_SHADOW;
     if (p.next_free < depth) {
+#if BRICK_POOL
+        if (park(p)) return;  // in the brick it is in, where the collision will be
+#endif
         p.t += p.next_free / cell.extinction;
         p.voxel = clamp(ivec3(floor(p.origin + p.direction * p.t)), cell.lower, cell.upper - 1);
         float extinction = exact_cell(p.voxel, p.direction).extinction;

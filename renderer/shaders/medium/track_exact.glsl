@@ -5,8 +5,13 @@
 #if FIBER_CORRELATION
 #include "medium/correlated_step.glsl"
 #endif
+#constant BRICK_POOL
+#include "generated/parking.glsl"  // medium/parking.glsl; empty where all bricks are on the device
 
 void track(inout Path p) {
+#if BRICK_POOL
+    if (park(p)) return;
+#endif
     Cell cell = exact_cell(p.voxel, p.direction);
     ivec3 next;
     float t_exit = max(leave_box(cell.lower, cell.upper, p.origin, p.direction, next), p.t);

@@ -5,6 +5,7 @@
 #include "rng/random.glsl"
 #constant SURFACES
 #constant FIBER_CORRELATION
+#constant BRICK_POOL
 
 // 32 random bits each; moves the sample on by one dimension.
 uvec4 random_words(inout uvec4 rng) {
@@ -37,6 +38,8 @@ const uint NO_NODE = 0xffffffffu;
 const float NO_END = 1e30;
 const ivec3 ON_SURFACE = ivec3(-0x40000000);  // the voxel of an origin that lies on a surface
 #endif
+const uint MODE_PARKED = 8u;     // added to flight or shadow: waits for a brick that is not on the device
+const uint NO_BRICK = 0xffffffffu;
 
 #if FIBER_CORRELATION
 #include "medium/fiber_run.glsl"
@@ -61,6 +64,9 @@ struct Path {
     ivec3 origin_voxel;
     uvec4 rng;           // pixel, sample, dimension, seed; see rng/random.glsl
     float next_free;     // delta tracking: optical depth to the next tentative collision
+#if BRICK_POOL
+    uint wanted;         // the brick a parked path waits for
+#endif
 #if SURFACES
     float t_end;         // where the segment ends: the nearest surface found, or the light [voxels]
     uint node;           // of the hierarchy, the next to be looked at
@@ -103,6 +109,10 @@ Path load_path(uint lane) {
     p.origin_voxel = ivec3(w7.xyz);
     p.rng = uvec4(w8.x, w8.y, w7.w, seed);
     p.next_free = uintBitsToFloat(w8.z);
+#if BRICK_POOL
+    p.mode &= MODE_PARKED - 1u;  // parked paths try again
+    p.wanted = NO_BRICK;
+#endif
 #if SURFACES
     uvec4 w9 = states[lane + lane_count * 9u];
     p.t_end = uintBitsToFloat(w9.x);
@@ -131,7 +141,12 @@ void store_path(uint lane, Path p) {
     states[lane + lane_count * 5u] = uvec4(floatBitsToUint(p.radiance), p.mode);
     states[lane + lane_count * 6u] = uvec4(uvec3(p.voxel), p.bounce);
     states[lane + lane_count * 7u] = uvec4(uvec3(p.origin_voxel), p.rng.z);
-    states[lane + lane_count * 8u] = uvec4(p.rng.x, p.rng.y, floatBitsToUint(p.next_free), 0u);
+#if BRICK_POOL
+    uint wanted = p.wanted;
+#else
+    uint wanted = NO_BRICK;
+#endif
+    states[lane + lane_count * 8u] = uvec4(p.rng.x, p.rng.y, floatBitsToUint(p.next_free), wanted);
 #if SURFACES
     states[lane + lane_count * 9u] = uvec4(floatBitsToUint(p.t_end), p.node, p.triangle, p.sought);
 #endif

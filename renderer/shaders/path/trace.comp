@@ -5,11 +5,12 @@
 #constant GROUP_SIZE
 #constant STEPS_PER_ROUND
 #constant SEEKS_PER_ROUND
+#constant BRICK_POOL
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = 0) readonly buffer Cells { uint cells[]; };
-layout(std430, binding = 1) readonly buffer Bricks { uvec2 bricks[]; };  // extinction per level; medium, top level
+layout(std430, binding = 1) readonly buffer Bricks { uvec2 bricks[]; };  // extinction per level; medium, top level. Then slots
 layout(std430, binding = 2) buffer States { uvec4 states[]; };
 layout(std430, binding = 3) buffer Film { vec4 film[]; };
 layout(std430, binding = 4) readonly buffer Lights { vec4 lights[]; };
@@ -86,7 +87,7 @@ uint nth_pixel(uint n) {
 void main() {
     uint lane = gl_GlobalInvocationID.x;
     Path path = load_path(lane);
-    for (uint r = 0u; r < round_count && path.mode != MODE_DONE; ++r) {
+    for (uint r = 0u; r < round_count && path.mode != MODE_DONE && path.mode < MODE_PARKED; ++r) {
 #if SURFACES
         for (uint i = 0u; i < uint(SEEKS_PER_ROUND) && path.mode == MODE_SEEK; ++i) seek(path);
         if (path.mode == MODE_SURFACE) meet_surface(path);
@@ -94,6 +95,9 @@ void main() {
         for (uint i = 0u; i < uint(STEPS_PER_ROUND) && path.mode <= MODE_SHADOW; ++i) {
             track(path);
             track_steps += 1u;
+#if BRICK_POOL
+            track_steps -= path.mode >> 3u;  // trying in vain is no step
+#endif
         }
         if (path.mode == MODE_COLLISION) {
             scatter(path);
@@ -110,4 +114,7 @@ void main() {
     atomicAdd(counters[5], broken_samples);
     atomicAdd(counters[6], majorant_violations);
     atomicAdd(counters[7], uint(path.mode != MODE_DONE));
+#if BRICK_POOL
+    atomicAdd(counters[8], uint(path.mode >= MODE_PARKED));
+#endif
 }

@@ -1,0 +1,170 @@
+"""A picture does not depend on how much of the volume the device holds, and no path waits forever."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from weft.files.errors import InputError
+from weft.renderer.batches import SMALLEST_SIDE, cell_footprints, occupied_cells, subdivide_screen
+from weft.renderer.config import GaussianFilter, OrthographicCamera, PerspectiveCamera, RenderConfig
+from weft.renderer.kernel import KernelOptions
+from weft.renderer.light_config import PointLight
+from weft.renderer.render import run
+from weft.renderer.residency import NOT_RESIDENT, Residency
+from weft.renderer.scene import build_scene
+from weft.renderer.surface_config import GroundSurface
+
+from .test_kernel import CONFIG, GRIDS
+from .test_transport import TABLE
+from .volumes import random_grid, volume
+
+LOBES = {"a": TABLE["reference"], "b": TABLE["rougher"]}
+BRICK_MB = 2048 / 2**20
+SCENES = {
+    "exact": {},
+    "delta": {"tracking": "delta"},
+    "correlated": {"correlation": "fibers"},
+    "cropped": {"crop": (5, 3, 14, 13)},
+    "surfaces": {
+        "surfaces": [GroundSurface()],
+        "lights": [PointLight(position_mm=(1, 9, 2), intensity=(9, 9, 9))],
+    },
+    "filter and lens": {
+        "filter": GaussianFilter(),
+        "camera": PerspectiveCamera(aperture_radius_mm=0.1, focus_distance_mm=5),
+    },
+}
+
+
+def picture(settings, **options):
+    config = RenderConfig.model_validate(CONFIG.model_dump() | settings)
+    return run(config, volume(*GRIDS), LOBES, options=KernelOptions(**options))
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_pool_changes_no_bit(scene):
+    """Down to a pool of two bricks, as many as the media of one cell have."""
+    usual = picture(SCENES[scene])
+    for bricks, lanes in ((2, 1024), (9, 128)):
+        other = picture(SCENES[scene] | {"brick_pool_mb": bricks * BRICK_MB}, lane_count=lanes)
+        for name, layer in usual.layers.items():
+            np.testing.assert_array_equal(layer, other.layers[name], err_msg=f"{name}, {bricks} bricks")
+        assert other.statistics.tracking_steps == usual.statistics.tracking_steps
+        assert other.statistics.scattering_events == usual.statistics.scattering_events
+        assert other.statistics.brick_uploads >= other.statistics.bricks_used > bricks
+
+
+@pytest.mark.gl
+def test_a_pool_for_everything_is_no_pool():
+    result = picture({"brick_pool_mb": 100.0})
+    assert result.statistics.brick_uploads == 0
+
+
+@pytest.mark.gl
+def test_a_pool_too_small_for_one_cell_is_refused():
+    with pytest.raises(InputError, match="a pool of 1 bricks cannot hold the 2 of one cell"):
+        picture({"brick_pool_mb": 1.5 * BRICK_MB})
+
+
+def random_residency(capacity, seed=7, cell_count=200):
+    layers = np.random.default_rng(seed).integers(1, 4, cell_count)
+    return Residency(np.cumsum(layers) - layers, layers, capacity)
+
+
+@pytest.mark.parametrize("capacity", [3, 10, 150])
+def test_slots_and_bricks_agree_and_the_most_wanted_cell_comes(capacity):
+    residency = random_residency(capacity)
+    rng = np.random.default_rng(11)
+    for _ in range(200):
+        if rng.random() < 0.1:
+            residency.begin_batch(rng.permutation(200)[:50])
+        wanted = rng.integers(0, len(residency.slot_of_brick), rng.integers(1, 60))
+        bricks, slots = residency.serve(wanted)
+        assert len(np.unique(slots)) == len(slots)
+        assert (residency.slot_of_brick[bricks] == slots).all()
+        held = np.flatnonzero(residency.slot_of_brick != NOT_RESIDENT)
+        assert (residency.brick_of_slot[residency.slot_of_brick[held]] == held).all()
+        assert len(held) == np.count_nonzero(residency.brick_of_slot >= 0) <= capacity
+        cells, waiting = np.unique(
+            np.searchsorted(residency.first, wanted, side="right") - 1, return_counts=True
+        )
+        most = cells[np.argmax(waiting / residency.layers[cells])]
+        whole = residency.first[most] + np.arange(residency.layers[most])
+        assert (residency.slot_of_brick[whole] != NOT_RESIDENT).all()
+
+
+def scene_of(camera, **settings):
+    config = RenderConfig(resolution=(64, 48), camera=camera, **settings)
+    return build_scene(
+        config, volume(random_grid((6, 5, 4), seed=3, brick_fill=0.5)), {"a": TABLE["reference"]}
+    )
+
+
+CAMERAS = {
+    "pinhole": PerspectiveCamera(view_direction=(0.5, 0.3, 1.0), fov_deg=40),
+    "inside": PerspectiveCamera(position_mm=(1.2, 1.0, 0.8), target_mm=(0.2, 0.3, 0.1), fov_deg=90),
+    "lens": PerspectiveCamera(fov_deg=40, aperture_radius_mm=0.2, focus_distance_mm=3.0),
+    "orthographic": OrthographicCamera(view_direction=(0.5, 0.3, 1.0)),
+}
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_footprints_hold_every_camera_ray(camera):
+    """Cells that rays through random places in random pixels pass: each knows the ray's pixel as its own."""
+    scene = scene_of(CAMERAS[camera])
+    cells = occupied_cells(scene.pool.cells)
+    footprints = cell_footprints(cells.places, scene.uniforms(), 0.0)
+    number = np.full(scene.pool.cells.shape, -1)
+    number[tuple(cells.places.T)] = np.arange(len(cells.places))
+    place = np.random.default_rng(5).random((3000, 2)) * (64, 48)
+    origin, direction = camera_rays(scene.uniforms(), place)
+    met = 0
+    for t in np.linspace(0, np.linalg.norm(origin - scene.pool.size / 2, axis=1).max() + 40, 1000):
+        cell = np.floor((origin + direction * t) / 8).astype(int)
+        inside = ((cell >= 0) & (cell < number.shape)).all(axis=1)
+        found = np.full(len(cell), -1)
+        found[inside] = number[tuple(cell[inside].T)]
+        rays, seen = np.flatnonzero(found >= 0), found[found >= 0]
+        pixel = np.floor(place[rays]).astype(int)
+        assert (footprints.low[seen] <= pixel).all()
+        assert (pixel <= footprints.high[seen]).all()
+        met += len(rays)
+    assert met > 10_000
+
+
+def camera_rays(camera, place):
+    """Origins and unit directions through these places [pixels], from random places on the lens [voxels]."""
+    rng = np.random.default_rng(6)
+    axes = np.stack([camera["camera_right"], camera["camera_up"]])
+    across = (place / (64, 48) * 2 - 1) * (1, -1) @ axes
+    origin = np.broadcast_to(np.array(camera["camera_position"]), across.shape)
+    direction = np.broadcast_to(np.array(camera["camera_forward"]), across.shape)
+    if camera["camera_perspective"]:
+        direction = direction + across
+    else:
+        origin = origin + across
+    radius, focus = camera["lens"][:2]
+    turn = 2 * np.pi * rng.random(len(place))
+    disk = radius * np.sqrt(rng.random((len(place), 1))) * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    shift = disk @ (axes / np.linalg.norm(axes, axis=1, keepdims=True))
+    direction = direction * (focus if radius else 1.0) - shift
+    return origin + shift, direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("capacity", [1, 10, 40, 1000])
+def test_batches_tile_the_screen_and_fit(capacity):
+    scene = scene_of(CAMERAS["pinhole"])
+    cells = occupied_cells(scene.pool.cells)
+    footprints = cell_footprints(cells.places, scene.uniforms(), 0.0)
+    covered = np.zeros((48, 64), int)
+    batches = subdivide_screen(range(3, 60), range(5, 41), footprints, cells.layers, capacity)
+    for batch in batches:
+        covered[batch.rows.start : batch.rows.stop, batch.columns.start : batch.columns.stop] += 1
+        small = max(len(batch.rows), len(batch.columns)) <= SMALLEST_SIDE
+        assert small or cells.layers[batch.cells].sum() <= capacity
+        assert (np.diff(footprints.depth[batch.cells]) >= 0).all()
+    assert (covered[5:41, 3:60] == 1).all()
+    assert covered.sum() == 36 * 57
+    assert len(batches) > 1 or capacity >= 40
