@@ -10,7 +10,7 @@ from weft.files.input_file import InputFile
 
 from .light_config import DiskLight, MeshLight, PointLight, QuadLight, SoftboxLight, SpotLight
 from .settings import Color, Reflectance, Settings, Vector
-from .surface_config import GroundSurface, MeshSurface
+from .surface_config import BallSurface, GroundSurface, MeshSurface, SweepSurface
 
 MAX_PIXELS = 1 << 25
 
@@ -168,7 +168,7 @@ class DaylightLight(Settings):
 
 
 Camera = Annotated[PerspectiveCamera | OrthographicCamera, Field(discriminator="kind")]
-Surface = Annotated[MeshSurface | GroundSurface, Field(discriminator="kind")]
+Surface = Annotated[MeshSurface | GroundSurface | BallSurface | SweepSurface, Field(discriminator="kind")]
 PixelFilter = Annotated[BoxFilter | GaussianFilter | LanczosFilter, Field(discriminator="kind")]
 Light = Annotated[
     ConstantLight

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from weft.files.input_file import InputFile
 
@@ -105,4 +105,63 @@ class GroundSurface(Settings):
     """What it is made of."""
 
 
-Surface = MeshSurface | GroundSurface
+class BallSurface(Settings):
+    """A ball, as 1,280 triangles with the normals of a sphere."""
+
+    kind: Literal["ball"] = "ball"
+    position_mm: Vector = (0.0, 0.0, 0.0)
+    """Its middle."""
+    radius_mm: float = Field(default=1.0, gt=0)
+    """From its middle."""
+    material: Material = DiffuseMaterial()
+    """What it is made of."""
+
+
+SweptParameter = Literal[
+    "subsurface",
+    "metallic",
+    "specular",
+    "specular_tint",
+    "roughness",
+    "anisotropic",
+    "sheen",
+    "sheen_tint",
+    "clearcoat",
+    "clearcoat_gloss",
+]
+
+
+class SweepRow(Settings):
+    """Balls of one principled material that differ in one parameter."""
+
+    parameter: SweptParameter
+    """What differs."""
+    material: PrincipledMaterial = PrincipledMaterial()
+    """All else."""
+
+
+class SweepSurface(Settings):
+    """Balls in rows, one row per swept parameter, one ball per value: a sheet of materials."""
+
+    kind: Literal["sweep"] = "sweep"
+    rows: tuple[SweepRow, ...] = Field(min_length=1, max_length=64)
+    """One for each parameter."""
+    values: tuple[Share, ...] = Field(default=(0.0, 0.25, 0.5, 0.75, 1.0), min_length=1, max_length=64)
+    """Of the parameter, ball by ball."""
+    position_mm: Vector = (0.0, 0.0, 0.0)
+    """Middle of the first ball."""
+    radius_mm: float = Field(default=1.0, gt=0)
+    """Of each ball."""
+    step_mm: Vector = (0.0, -2.4, 0.0)
+    """From a value to the next."""
+    row_step_mm: Vector = (2.4, 0.0, 0.0)
+    """From a parameter to the next."""
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> SweepSurface:
+        if len(self.rows) * len(self.values) > 512:
+            raise ValueError(f"{len(self.rows)} x {len(self.values)} balls; at most 512")
+        return self
+
+
+Surface = MeshSurface | GroundSurface | BallSurface | SweepSurface

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .balls import SingleSurface, ball_triangles, single_surfaces
 from .bvh import Bvh, build_bvh, empty_bvh
 from .local_lights import LocalLight, light_shapes
 from .materials import MATERIAL_ROWS, MaterialKinds, float_bits, material_kinds, material_rows
 from .mesh import TRIANGLE, Triangles, ground_triangles, joined, mesh_triangles
-from .surface_config import GroundSurface, Surface
+from .surface_config import BallSurface, GroundSurface, Surface
 
 NODE_ROWS = 5
 TRIANGLE_ROWS = 3
@@ -39,17 +40,13 @@ def build_surface_table(
     """Geometry in voxels from `corner_mm`; none where nothing can end a ray. `bounds_mm`: of the volume."""
     if not surfaces and not lights:
         return None
-    meshes = [
-        ground_triangles(surface, bounds_mm, index)
-        if isinstance(surface, GroundSurface)
-        else mesh_triangles(surface, index)
-        for index, surface in enumerate(surfaces)
-    ]
-    triangles = joined([*meshes, light_shapes(lights, len(surfaces))])
+    singles = single_surfaces(surfaces)
+    meshes = [_triangles(surface, bounds_mm, index) for index, surface in enumerate(singles)]
+    triangles = joined([*meshes, light_shapes(lights, len(singles))])
     # what the device sees, which is rounded to 32 bits
     corners = ((triangles.corners - corner_mm) / voxel_size_mm).astype(np.float32).astype(np.float64)
     bvh = _hierarchy(corners, triangles.shape)
-    materials, texels, measured = material_rows([surface.material for surface in surfaces])
+    materials, texels, measured = material_rows([surface.material for surface in singles])
     materials = np.concatenate([materials, _light_materials(len(lights))])
     parts = {
         "nodes": _node_rows(bvh),
@@ -65,8 +62,16 @@ def build_surface_table(
         rows,
         dict(zip(parts, ends, strict=False)),
         len(triangles),
-        material_kinds([surface.material for surface in surfaces]),
+        material_kinds([surface.material for surface in singles]),
     )
+
+
+def _triangles(surface: SingleSurface, bounds_mm: np.ndarray, material: int) -> Triangles:
+    if isinstance(surface, GroundSurface):
+        return ground_triangles(surface, bounds_mm, material)
+    if isinstance(surface, BallSurface):
+        return ball_triangles(surface, material)
+    return mesh_triangles(surface, material)
 
 
 def _hierarchy(corners: np.ndarray, shape: np.ndarray) -> Bvh:

@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 from PIL import Image
+from pydantic import ValidationError
 from scipy import stats
 
+from weft.renderer.balls import ball_triangles, sweep_balls
 from weft.renderer.config import (
     ConstantLight,
     DirectionalLight,
@@ -22,7 +24,16 @@ from weft.renderer.materials import read_texture
 from weft.renderer.mesh import load_mesh
 from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
-from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MeshSurface, Placement
+from weft.renderer.surface_config import (
+    BallSurface,
+    DiffuseMaterial,
+    GroundSurface,
+    MeshSurface,
+    Placement,
+    PrincipledMaterial,
+    SweepRow,
+    SweepSurface,
+)
 
 from .meshes import first_hits, write_ball
 from .probe import probe
@@ -291,3 +302,32 @@ def test_mesh_files_and_pictures_are_read_right(tmp_path):
     assert ((mesh.normals * mesh.corners).sum(-1) > 1.9).all()
     Image.fromarray(np.array([[[1, 2, 3]], [[4, 5, 6]]], np.uint8)).save(tmp_path / "t.png")
     np.testing.assert_array_equal(read_texture(tmp_path / "t.png"), [[0x060504], [0x030201]])
+
+
+def test_a_ball_has_the_volume_and_the_normals_of_a_sphere():
+    ball = ball_triangles(BallSurface(position_mm=(1, 2, 3), radius_mm=2.0), 7)
+    local = ball.corners - [1, 2, 3]
+    inside = np.einsum("ni,ni->n", local[:, 0], np.cross(local[:, 1], local[:, 2])).sum() / 6
+    assert inside == pytest.approx(4 / 3 * math.pi * 8, rel=1e-9)
+    np.testing.assert_allclose(local / np.linalg.norm(local, axis=-1, keepdims=True), ball.normals, atol=1e-9)
+    assert np.ptp(ball.uvs[..., 0], axis=1).max() < 0.5
+    assert set(ball.material) == {7}
+
+
+def test_a_sweep_is_a_ball_per_value_and_row():
+    rows = [
+        SweepRow(parameter="roughness"),
+        SweepRow(parameter="sheen", material=PrincipledMaterial(metallic=1)),
+    ]
+    sweep = SweepSurface(rows=rows, values=(0.0, 0.5, 1.0), position_mm=(10, 0, 0), step_mm=(0, -3, 0))
+    balls = sweep_balls(sweep)
+    assert [ball.material.roughness for ball in balls] == [0, 0.5, 1, 0.5, 0.5, 0.5]
+    assert [ball.material.sheen for ball in balls] == [0, 0, 0, 0, 0.5, 1]
+    assert balls[-1].position_mm == (12.4, -6, 0)
+    assert balls[-1].material.metallic == 1
+    picture = render(
+        [sweep], camera=OrthographicCamera(position_mm=(11, -3, 9), target_mm=(11, -3, 0), frame_width_mm=9)
+    )
+    assert np.isfinite(picture.layers["Z"]).mean() > 0.15
+    with pytest.raises(ValidationError, match=r"64 x 64 balls; at most 512"):
+        SweepSurface(rows=[rows[0]] * 64, values=[0.5] * 64)
