@@ -56,7 +56,7 @@ def _unit_ball() -> Triangles:
     mesh = trimesh.creation.icosphere(subdivisions=SUBDIVISIONS)
     normals = np.asarray(mesh.vertices, np.float64)[mesh.faces]
     scale = (4 / 3 * np.pi / mesh.volume) ** (1 / 3)
-    # u around +y, v upward; a triangle keeps to one side of the seam, and a pole has the azimuth of its triangle
+    # u around +y, v upward; a triangle keeps to one side of the seam, a pole has its triangle's azimuth
     u = np.arctan2(normals[..., 0], normals[..., 2]) / (2 * np.pi)
     pole = np.hypot(normals[..., 0], normals[..., 2]) < 1e-9
     first = np.where(pole[:, 0], u[:, 1], u[:, 0])[:, None]
