@@ -46,7 +46,10 @@ def _checked(job: Job, names: list[str]) -> Iterator[str]:
         yield from _environments(job)
         yield from _surfaces(job)
     for name in names:
-        yield f"{name}: {_state(job, name)}"
+        parts = CHAIN[name].parts(job)
+        for part in parts:
+            files = f" {next(iter(CHAIN[name].outputs(part).values()))}" if len(parts) > 1 else ""
+            yield f"{name}{files}: {_state(part, name)}"
 
 
 def _yarns(job: Job) -> YarnSet:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,12 +14,13 @@ from weft.fiber_model.scattering.config import ScatteringConfig
 from weft.fiber_model.yarns.config import YarnsConfig
 from weft.files.input_file import InputFile, OutputPath
 from weft.fitting.config import FitConfig
-from weft.renderer.config import RenderConfig
+from weft.renderer.config import Camera, RenderConfig
 from weft.voxelize.config import VoxelizeConfig
 
 from .job import Job, load_job
 from .presets import FAMILIES
 
+TURN_NAME = re.compile(r"turn_\d+")
 Corner = tuple[float, float, float]
 
 
@@ -26,11 +28,51 @@ class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
 
+class Turntable(_Table):
+    """Pictures from all around."""
+
+    frames: int = Field(ge=1, le=3600)
+    """How many."""
+    sweep_deg: float = 360.0
+    """Angle over all of them; the picture after the last one is that many degrees from the first."""
+    axis: Literal["x", "y", "z"] = "y"
+    """Axis through the middle of the volume."""
+    turn: Literal["cloth", "camera"] = "cloth"
+    """cloth: it turns counterclockwise seen from above, with the surfaces, while camera and lights stay;
+    camera: it goes around the cloth, whose lights stay with it."""
+
+    @model_validator(mode="after")
+    def _lights_turn_about_y(self) -> Turntable:
+        if self.turn == "cloth" and self.axis != "y":
+            raise ValueError('turn = "cloth" is about axis "y", as lights are turned about it; take "camera"')
+        return self
+
+
 class RenderTable(RenderConfig):
     """The picture: camera, lights, samples; and the volume, where another one than this job's is wanted."""
 
     volume: InputFile | None = None
     """A .vdb or .nvdb file to render in place of the one that [voxelize] makes."""
+    cameras: tuple[Camera, ...] = Field(default=(), max_length=256)
+    """Several pictures in place of one: cameras with names, whose pictures are JOB.NAME.exr."""
+    turntable: Turntable | None = None
+    """Pictures all around, by [render.camera] as it orbits: JOB.turn_000.exr and so on."""
+
+    @model_validator(mode="after")
+    def _cameras_have_names(self) -> RenderTable:
+        names = [camera.name for camera in self.cameras]
+        if "" in names:
+            number = names.index("") + 1
+            raise ValueError(f"camera {number} of {len(names)} has no name, by which to name its picture")
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"several cameras are named '{twice[0]}'")
+        if self.turntable and (frame := next((name for name in names if TURN_NAME.fullmatch(name)), None)):
+            raise ValueError(f"a camera is named '{frame}', as a picture of the turntable is")
+        if self.turntable and self.camera.orbit_deg and self.camera.orbit_axis != self.turntable.axis:
+            raise ValueError("render.camera.orbit_axis must be the turntable's axis")
+        if self.cameras and not self.turntable and "camera" in self.model_fields_set:
+            raise ValueError("[render.camera] has no effect beside [[render.cameras]]; make it one of them")
+        return self
 
 
 class ExportTable(_Table):

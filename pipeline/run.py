@@ -40,19 +40,25 @@ def run_chain(
     """Make the targets and all they need, skipping what is fresh."""
     with _alone_in(job.output, report):
         return [
-            _freshen(chain[name], job, chain, report, force=force) for name in needed(job, chain, targets)
+            _freshen(chain[name], part, chain, report, force=force)
+            for name in needed(job, chain, targets)
+            for part in chain[name].parts(job)
         ]
 
 
 def run_one(job: Job, chain: Chain, target: str, *, report: Reporter, force: bool = False) -> Outcome:
-    """Make one stage from the results of earlier stages as they are; they must exist."""
+    """Make one stage from the results of earlier stages as they are; they must exist.
+
+    Of several results, what became of the last.
+    """
     with _alone_in(job.output, report):
         for name in needed(job, chain, [target])[:-1]:
             if chain[name].made_when_needed:
                 _freshen(chain[name], job, chain, report)
             else:
                 _note_if_stale(chain[name], job, chain, report)
-        return _freshen(chain[target], job, chain, report, force=force)
+        stage = chain[target]
+        return [_freshen(stage, part, chain, report, force=force) for part in stage.parts(job)][-1]
 
 
 def needed(job: Job, chain: Chain, targets: Sequence[str]) -> list[str]:
@@ -91,11 +97,17 @@ def _freshen(stage: Stage, job: Job, chain: Chain, report: Reporter, *, force: b
     key = stage_key(stage, job, inputs)
     why = "you asked for it" if force else why_stale(stage, job, key)
     if not why:
-        report.note(f"{stage.name}: fresh")
+        report.note(f"{_shown_name(stage, job)}: fresh")
         return Outcome(stage.name, False, "")
-    report.note(f"{stage.name}: {'runs because' if force else 'stale because'} {why}")
+    report.note(f"{_shown_name(stage, job)}: {'runs because' if force else 'stale because'} {why}")
     _run(stage, job, inputs, key, report)
     return Outcome(stage.name, True, why)
+
+
+def _shown_name(stage: Stage, job: Job) -> str:
+    """The stage's, and where it has several results the result's."""
+    first = Path(next(iter(stage.outputs(job).values()))).stem
+    return f"{stage.name} {first}" if first.startswith(f"{job.name}.") else stage.name
 
 
 def _note_if_stale(stage: Stage, job: Job, chain: Chain, report: Reporter) -> None:

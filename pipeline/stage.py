@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,6 +54,8 @@ class Stage:
     """Distributions whose versions go into the run record."""
     made_when_needed: bool = False
     """So quick that any stage that needs it makes it first."""
+    parts: Callable[[Job], Sequence[Job]] = lambda job: [job]
+    """The job once for each result of the stage, where it makes several, each fresh or stale by itself."""
     optional_tables: tuple[str, ...] = ()
     """Tables that the result depends on too, where the job has them."""
 

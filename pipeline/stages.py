@@ -10,14 +10,17 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from weft.files.errors import InputError
 
+from .cache import stamp_of
 from .fit_stage import FIT
 from .job import Job
 from .messages import JobErrors, Problem, did_you_mean
+from .pictures_of import jobs_of_pictures, picture_files
 from .stage import Progress, Stage, StageInput, StageWork
 
 if TYPE_CHECKING:
@@ -141,7 +144,7 @@ def make_image(work: StageWork) -> dict[str, Any]:
 
     from .scattering_file import read_scattering
 
-    volume = load_volume(work.inputs["volume"])
+    volume = _kept_volume(work.inputs["volume"], stamp_of(work.inputs["volume"]).sha256)
     lobes = media_scattering(work.job, read_scattering(work.inputs["scattering"]), volume)
     result = run(work.job.table("render"), volume, lobes, progress=work.progress)
     save(result, work.outputs["image"])
@@ -187,6 +190,12 @@ def without_native_stderr() -> Iterator[None]:
     finally:
         os.dup2(kept, 2)
         os.close(kept)
+
+
+@lru_cache(maxsize=1)
+def _kept_volume(path: Path, sha256: str) -> FiberVolume:
+    """A volume is read once for all pictures of a run."""
+    return load_volume(path)
 
 
 def load_volume(path: Path) -> FiberVolume:
@@ -259,10 +268,6 @@ def _volume_files(job: Job) -> dict[str, str]:
 
 def _fiber_files(job: Job) -> dict[str, str]:
     return {"fibers": f"fibers.{job.table('export').format if job.has('export') else 'npz'}"}
-
-
-def _image_files(job: Job) -> dict[str, str]:
-    return {"image": "image.exr", "preview": "image.png"}
 
 
 def _part(progress: Progress, start: float, end: float) -> Progress:
@@ -356,7 +361,8 @@ CHAIN: dict[str, Stage] = {
                 "volume": StageInput("voxelize", "volume", lambda job: job.table("render").volume),
                 "scattering": StageInput("scattering", "parameters"),
             },
-            outputs=_image_files,
+            outputs=picture_files,
+            parts=jobs_of_pictures,
             work=make_image,
             code=("renderer", *LOBE_CODE, *GRID_CODE),
             libraries=("numpy", "moderngl", "OpenEXR", "pillow"),

@@ -45,6 +45,32 @@ def place_camera(
     camera: PerspectiveCamera | OrthographicCamera, bounds_mm: np.ndarray, resolution: tuple[int, int]
 ) -> CameraFrame:
     """The camera around a volume with corners `bounds_mm`, shape [2, 3]."""
+    frame = _framed(camera, bounds_mm, resolution)
+    turn = rotation("xyz".index(camera.orbit_axis), math.radians(camera.orbit_deg))
+    middle = bounds_mm.mean(axis=0)
+    return replace(
+        frame,
+        position=middle + turn @ (frame.position - middle),
+        forward=turn @ frame.forward,
+        right=turn @ frame.right,
+        up=turn @ frame.up,
+    )
+
+
+def rotation(axis: int, angle: float) -> np.ndarray:
+    """Matrix of a turn about axis 0, 1 or 2, counterclockwise seen from its tip, [rad], shape [3, 3]."""
+    c, s = math.cos(angle), math.sin(angle)
+    following, last = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[following, following] = turn[last, last] = c
+    turn[last, following], turn[following, last] = s, -s
+    return turn
+
+
+def _framed(
+    camera: PerspectiveCamera | OrthographicCamera, bounds_mm: np.ndarray, resolution: tuple[int, int]
+) -> CameraFrame:
+    """The camera before it orbits."""
     aspect = resolution[1] / resolution[0]
     center = bounds_mm.mean(axis=0) if camera.target_mm is None else np.array(camera.target_mm)
     toward = _toward_camera(camera, bounds_mm, center)

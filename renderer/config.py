@@ -18,6 +18,8 @@ MAX_PIXELS = 1 << 25
 class _Camera(Settings):
     """Framing shared by both cameras. With nothing set, the whole volume is seen from its broad side."""
 
+    name: str = Field(default="", pattern=r"^[A-Za-z0-9_-]*$", max_length=64)
+    """Goes into the name of the picture's files; needed where there are several cameras."""
     position_mm: Vector | None = None
     """Where the camera stands; unset: far enough along `view_direction` for the frame to fit."""
     target_mm: Vector | None = None
@@ -28,6 +30,10 @@ class _Camera(Settings):
     """Roughly upward in the picture; where it is along the view, -z is up (a cloth lying on the ground)."""
     frame_width_mm: float | None = Field(default=None, gt=0)
     """Width of what is seen at the target, for a close-up; unset: the volume fits."""
+    orbit_deg: float = 0.0
+    """Then the camera goes around the middle of the volume, counterclockwise seen along `orbit_axis`."""
+    orbit_axis: Literal["x", "y", "z"] = "y"
+    """The axis it goes around, seen from its tip."""
 
 
 class PerspectiveCamera(_Camera):
@@ -212,6 +218,8 @@ class RenderConfig(Settings):
     """The camera."""
     lights: tuple[Light, ...] = Field(default=(StudioLight(),), min_length=1)
     """All lights; those around the scene add up to one environment."""
+    lights_turn_deg: float = 0.0
+    """Lights of the world turned about the vertical axis through the volume's middle, as `orbit_deg` is."""
     surfaces: tuple[Surface, ...] = Field(default=(), max_length=1024)
     """Meshes and grounds beside the volume."""
     background: Literal["environment"] | Color = (0.0, 0.0, 0.0)

@@ -23,6 +23,7 @@ from .local_lights import LOCAL_ROWS, LocalLight, Stage, fluence_at, light_rows,
 from .pixel_filter import CELLS, KINDS, filter_uniforms
 from .scattering_block import pack_scattering, pack_symmetric_tables, symmetric_share
 from .surfaces import SurfaceTable, build_surface_table
+from .turned_lights import turned_lights
 
 SHADOW_ROULETTE = 0.4
 """Transmittance below which a shadow ray survives by roulette (shaders/path/segments.glsl)."""
@@ -198,20 +199,19 @@ def build_scene(config: RenderConfig, volume: FiberVolume, scattering: Mapping[s
 
 def lit_scene(scene: Scene, lights: Sequence[Light], axes: np.ndarray, bounds: np.ndarray) -> Scene:
     """The scene under other lights; those that belong to a camera turn with `axes`. `bounds` [mm], [2, 3]."""
-    config = scene.config.model_copy(update={"lights": tuple(lights)})
+    config = scene.config.model_copy(update={"lights": tuple(lights), "lights_turn_deg": 0.0})
     return replace(scene, config=config, **_lighting(config, scene.pool, axes, bounds))
 
 
 def _lighting(config: RenderConfig, pool: BrickPool, axes: np.ndarray, bounds: np.ndarray) -> dict[str, Any]:
     """Fields of a scene that its lights decide. Surfaces belong to them: a quad light is one."""
-    diagonal = float(np.linalg.norm(np.ptp(bounds, axis=0)))
-    local = local_lights(config.lights, Stage(bounds.mean(axis=0), diagonal, axes))
+    middle, diagonal = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0)))
+    lights, size = turned_lights(config.lights, config.lights_turn_deg, middle), pool.voxel_size_mm
+    local = local_lights(lights, Stage(middle, diagonal, axes))
     return {
-        "light_table": build_light_table(
-            config.lights, axes, _local_values(local, bounds, pool.voxel_size_mm)
-        ),
-        "surfaces": build_surface_table(config.surfaces, local, bounds, pool.corner_mm, pool.voxel_size_mm),
-        "local_lights": light_rows(local, pool.corner_mm, pool.voxel_size_mm),
+        "light_table": build_light_table(lights, axes, _local_values(local, bounds, size)),
+        "surfaces": build_surface_table(config.surfaces, local, bounds, pool.corner_mm, size),
+        "local_lights": light_rows(local, pool.corner_mm, size),
         "local_kinds": frozenset(light.kind for light in local),
     }
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .camera import rotation
 from .config import Light
 
 PLACES = ("position_mm", "target_mm")
@@ -18,14 +19,8 @@ def turned_lights(lights: Sequence[Light], degrees: float, middle_mm: np.ndarray
     """Counterclockwise seen from above. Lights that belong to the camera stay: turn its axes for them."""
     if degrees == 0:
         return tuple(lights)
-    turn = rotation_about_y(degrees)
+    turn = rotation(1, math.radians(degrees))
     return tuple(_turned(light, degrees, turn, np.asarray(middle_mm, np.float64)) for light in lights)
-
-
-def rotation_about_y(degrees: float) -> np.ndarray:
-    """Matrix of a turn about +y, counterclockwise seen from above, shape [3, 3]."""
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def _turned(light: Light, degrees: float, turn: np.ndarray, middle: np.ndarray) -> Light:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
+from weft.renderer.camera import rotation
 from weft.renderer.config import RenderConfig
 from weft.renderer.image import srgb
 from weft.renderer.progressive import ProgressiveRender, Refinement
-from weft.renderer.turned_lights import rotation_about_y, turned_lights
+from weft.renderer.turned_lights import turned_lights
 from weft.voxelize.grid import FiberVolume
 
 from .look import Look, edited_lobes, eye_of, frame_of
@@ -26,12 +28,16 @@ class Easel:
         self.render = ProgressiveRender(config, volume, lobes)
         self.lens = self.render.scene.camera
         self.middle = np.asarray(volume.bounds_mm).mean(axis=0)
+        self.lights = turned_lights(config.lights, config.lights_turn_deg, self.middle)
         self.shown: Look | None = None
 
     def first_look(self) -> Look:
         """The job's own."""
         camera = self.config.camera
-        target = self.middle if camera.target_mm is None else np.array(camera.target_mm)
+        turn = rotation("xyz".index(camera.orbit_axis), math.radians(camera.orbit_deg))
+        target = self.middle
+        if camera.target_mm is not None:
+            target = target + turn @ (np.array(camera.target_mm) - target)
         return Look(eye_of(self.lens, target), self.config.resolution, exposure=self.config.exposure)
 
     def draw(self, look: Look, stop: Callable[[], bool]) -> Iterator[Refinement]:
@@ -46,9 +52,8 @@ class Easel:
 
     def _light(self, look: Look) -> None:
         axes = frame_of(look, self.lens).axes if look.lights_follow else self.lens.axes
-        turn = look.light_turn_deg
-        lights = turned_lights(self.config.lights, turn, self.middle)
-        self.render.light(lights, axes @ rotation_about_y(turn).T)
+        lights = turned_lights(self.lights, look.light_turn_deg, self.middle)
+        self.render.light(lights, axes @ rotation(1, math.radians(look.light_turn_deg)).T)
 
 
 def _light(look: Look) -> object:

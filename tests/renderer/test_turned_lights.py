@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
+from weft.renderer.camera import rotation
 from weft.renderer.config import (
     ConstantLight,
     DirectionalLight,
@@ -16,7 +19,7 @@ from weft.renderer.config import (
 )
 from weft.renderer.environment import build_environment, texel_directions
 from weft.renderer.image import write_exr
-from weft.renderer.turned_lights import rotation_about_y, turned_lights
+from weft.renderer.turned_lights import turned_lights
 
 MIDDLE = np.array([1.0, 2.0, 3.0])
 
@@ -38,7 +41,7 @@ def test_an_environment_turns_as_a_directional_light_does(tmp_path):
 
 
 def test_a_studio_turns_with_the_cameras_axes():
-    turn = rotation_about_y(90.0)
+    turn = rotation(1, math.pi / 2)
     before, after = brightest([StudioLight()], np.eye(3)), brightest([StudioLight()], np.eye(3) @ turn.T)
     np.testing.assert_allclose(after, turn @ before, atol=0.03)
 
