@@ -10,15 +10,20 @@ import pytest
 from weft.renderer.camera import rotation
 from weft.renderer.config import (
     ConstantLight,
+    DaylightLight,
     DirectionalLight,
     EnvironmentLight,
     QuadLight,
     SkyLight,
+    SoftboxLight,
     SpotLight,
     StudioLight,
 )
+from weft.renderer.daylight import sun_direction
 from weft.renderer.environment import build_environment, texel_directions
 from weft.renderer.image import write_exr
+from weft.renderer.light_config import MeshLight
+from weft.renderer.surface_config import Placement
 from weft.renderer.turned_lights import turned_lights
 
 MIDDLE = np.array([1.0, 2.0, 3.0])
@@ -58,6 +63,30 @@ def test_lights_go_around_the_middle_counterclockwise_seen_from_above(light):
     np.testing.assert_allclose(turned.position_mm, (11.0, 2.0, 3.0), atol=1e-12)
 
 
+def test_daylight_turns_as_its_sun_does():
+    light = DaylightLight(sun_azimuth_deg=25.0)
+    (turned,) = turned_lights([light], 70.0, MIDDLE)
+    expected = rotation(1, math.radians(70.0)) @ sun_direction(light)
+    np.testing.assert_allclose(sun_direction(turned), expected, atol=1e-12)
+
+
+def test_a_bright_mesh_turns_as_its_points_do(tmp_path):
+    (tmp_path / "lamp.obj").write_text("")
+    placement = Placement(rotation_deg=(20.0, 50.0, -30.0), position_mm=(4.0, 5.0, 6.0), scale=2.0)
+    mesh = MeshLight(file=tmp_path / "lamp.obj", radiance=(1.0, 1.0, 1.0), placement=placement)
+    (turned,) = turned_lights([mesh], 35.0, MIDDLE)
+    points = np.random.default_rng(1).normal(size=(5, 3))
+    around = rotation(1, math.radians(35.0))
+    expected = MIDDLE + (placed(points, placement) - MIDDLE) @ around.T
+    np.testing.assert_allclose(placed(points, turned.placement), expected, atol=1e-12)
+
+
+def placed(points, placement):
+    for axis, angle in enumerate(np.radians(placement.rotation_deg)):
+        points = points @ rotation(axis, angle).T
+    return placement.scale * points + np.array(placement.position_mm)
+
+
 def test_what_has_no_side_stays():
-    lights = [ConstantLight(), SkyLight(), StudioLight()]
+    lights = [ConstantLight(), SkyLight(), StudioLight(), SoftboxLight()]
     assert list(turned_lights(lights, 50.0, MIDDLE)) == lights
