@@ -10,6 +10,7 @@ import numpy as np
 from weft.files.errors import InputError
 
 from .config import OrthographicCamera, PerspectiveCamera
+from .distortion import refuse_folds
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class CameraFrame:
     """Of a polygon [rad]."""
     focus_distance: float = 1.0
     """Along the view [mm]."""
+    distortion: tuple[float, float] = (0.0, 0.0)
+    """k1 and k2 of the lens (distortion.py)."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -90,8 +93,10 @@ def _framed(
         depth = 0.0 if camera.frame_width_mm else np.abs(toward) @ (np.ptp(bounds_mm, axis=0) / 2)
         position = center + toward * (half / slope + depth)
     frame = CameraFrame(True, position, -toward, right * slope, up * slope * aspect)
+    refuse_folds(camera.distortion_k1, camera.distortion_k2, math.hypot(slope, slope * aspect))
     return replace(
         frame,
+        distortion=(camera.distortion_k1, camera.distortion_k2),
         aperture_radius=camera.aperture_radius_mm,
         aperture_blades=camera.aperture_blades,
         aperture_rotation=math.radians(camera.aperture_rotation_deg),

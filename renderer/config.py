@@ -51,6 +51,11 @@ class PerspectiveCamera(_Camera):
     focus_distance_mm: float | None = Field(default=None, gt=0)
     """From the lens to the plane that is sharp, along the view; unset: to the target."""
 
+    distortion_k1: float = Field(default=0.0, ge=-10, le=10)
+    """Radial distortion: what is r focal lengths from the axis is seen at r (1 + k1 r^2 + k2 r^4)."""
+    distortion_k2: float = Field(default=0.0, ge=-10, le=10)
+    """Below zero a barrel, above it a cushion; as in OpenCV. `fov_deg` is that without distortion."""
+
     @model_validator(mode="after")
     def _polygon_or_circle(self) -> PerspectiveCamera:
         if self.aperture_blades in (1, 2):

@@ -29,6 +29,7 @@ SHADOW_ROULETTE = 0.4
 """Transmittance below which a shadow ray survives by roulette (shaders/path/segments.glsl)."""
 
 SURFACE_PIECE = '#include "geometry/seek.glsl"\n#include "path/surface.glsl"\n'
+DISTORTION_PIECE = 'uniform vec4 distortion;\n#include "camera/distortion.glsl"\n'
 LENS_PIECE = 'uniform vec4 lens;\n#include "camera/lens.glsl"\n'
 FILTER_PIECE = (
     f'uniform float filter_edges[{CELLS + 1}];\nuniform vec4 filter_shape;\n#include "film/filter.glsl"\n'
@@ -106,6 +107,7 @@ class Scene:
             "LOCAL_LIGHTS": len(self.local_lights) > 0,
             **self._local_constants(),
             **self._surface_constants(),
+            "CAMERA_DISTORTION": any(self.camera.distortion),
             "CAMERA_LENS": self.camera.aperture_radius > 0,
             **self._filter_constants(),
             **self.phase.constants,
@@ -147,6 +149,7 @@ class Scene:
             "generated/bsdf.glsl": f'#include "surface/bsdf_{self._bsdf()}.glsl"\n',
             "generated/merl.glsl": self._merl(),
             "generated/texture.glsl": '#include "surface/texture.glsl"\n',
+            "generated/distortion.glsl": DISTORTION_PIECE if any(self.camera.distortion) else "",
             "generated/lens.glsl": LENS_PIECE if self.camera.aperture_radius > 0 else "",
             "generated/filter.glsl": "" if self.config.filter.kind == "box" else FILTER_PIECE,
         }
@@ -174,6 +177,11 @@ class Scene:
             "camera_forward": tuple(camera.forward),
             "camera_right": tuple(camera.right * scale),
             "camera_up": tuple(camera.up * scale),
+            "distortion": (
+                *self.camera.distortion,
+                float(np.linalg.norm(self.camera.right)),
+                float(np.linalg.norm(self.camera.up)),
+            ),
             "lens": (
                 camera.aperture_radius / pool.voxel_size_mm,
                 camera.focus_distance / pool.voxel_size_mm,

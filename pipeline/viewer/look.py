@@ -11,6 +11,7 @@ import numpy as np
 
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.renderer.camera import CameraFrame
+from weft.renderer.distortion import reaches
 
 Edits = Mapping[str, Mapping[str, Any]]
 """Changed scattering parameters: by medium, by the name of the field."""
@@ -89,6 +90,9 @@ def frame_of(look: Look, lens: CameraFrame) -> CameraFrame:
     frame = CameraFrame(True, np.array(eye.position), forward, right * slope * width / height, up * slope)
     return replace(
         frame,
+        distortion=lens.distortion
+        if reaches(*lens.distortion, math.hypot(slope * width / height, slope))
+        else (0.0, 0.0),
         aperture_radius=lens.aperture_radius,
         aperture_blades=lens.aperture_blades,
         aperture_rotation=lens.aperture_rotation,

@@ -1,8 +1,10 @@
 // The beginning and the end of a sample: a camera ray, and what the finished path adds to its pixel.
 #include "camera/camera.glsl"
 #constant CAMERA_LENS
+#constant CAMERA_DISTORTION
 #constant PIXEL_FILTER
-#include "generated/lens.glsl"    // camera/lens.glsl, film/filter.glsl; empty where the scene needs neither
+#include "generated/distortion.glsl"  // camera/distortion.glsl, camera/lens.glsl, film/filter.glsl; empty where the
+#include "generated/lens.glsl"        // scene needs none
 #include "generated/filter.glsl"
 #include "path/scatter.glsl"
 
@@ -49,6 +51,9 @@ void finish_sample(inout Path p) {
 void start_camera_ray(inout Path p) {
     float weight;
     vec2 place = sample_place(p.rng, weight) / vec2(image_size) * 2.0 - 1.0;
+#if CAMERA_DISTORTION
+    place = undistorted(place);
+#endif
     camera_ray(vec2(place.x, -place.y), p.origin, p.direction);
 #if CAMERA_LENS
     lens_ray(unit_interval(random_bits(uvec4(p.rng.xy, LENS_DIMENSION, seed))).xy, p.origin, p.direction);
