@@ -26,7 +26,7 @@ find_missing() {
 # What is missing belongs to the stamp: who installs it by hand later gets weft built anew, with it.
 stamp=.venv/.set-up
 packages_of_weft=$(find . -path ./.venv -prune -o -name __init__.py -print | sort)
-sources=$({ cat setup.sh pyproject.toml voxelize/openvdb_extension/*; echo "$packages_of_weft"; } | sha256sum)
+sources=$({ cat setup.sh pyproject.toml voxelize/CMakeLists.txt voxelize/*_extension/*; echo "$packages_of_weft"; } | sha256sum)
 find_missing
 if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$sources$missing" ]; then exit 0; fi
 

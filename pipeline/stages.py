@@ -86,8 +86,8 @@ def export_fibers(work: StageWork) -> dict[str, Any]:
 
 
 def make_volume(work: StageWork) -> dict[str, Any]:
-    from weft.voxelize.accumulator import DEVICE
     from weft.voxelize.stream import voxelize_to_files
+    from weft.voxelize.tile_sums import DEVICE
 
     refuse_unwritable_formats(work.job)
     fibers = fiber_set(work)
@@ -306,6 +306,7 @@ GRID_CODE = tuple(
         "parts",
         "report",
         "stored",
+        "tile_sums",
         "tiles",
         "vdb",
         "vdb_child",

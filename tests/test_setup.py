@@ -36,7 +36,9 @@ def machine(tmp_path):
     """A copy of what set-up reads, and tools that note what they do; returns a way to run it."""
     for name in ("setup.sh", "pyproject.toml"):
         shutil.copy(CHECKOUT / name, tmp_path)
-    shutil.copytree(CHECKOUT / "voxelize" / "openvdb_extension", tmp_path / "voxelize" / "openvdb_extension")
+    for name in ("openvdb_extension", "tile_extension"):
+        shutil.copytree(CHECKOUT / "voxelize" / name, tmp_path / "voxelize" / name)
+    shutil.copy(CHECKOUT / "voxelize" / "CMakeLists.txt", tmp_path / "voxelize")
     (tmp_path / "tools").mkdir()
     for name, text in TOOLS.items():
         (tmp_path / "tools" / name).write_text(text)

@@ -6,18 +6,24 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 
-from .grid import BRICK_SIZE, BRICK_VOXELS, CHANNELS, MOMENTS, empty_values
-from .kernels import LENGTH_UNITS, SUM_COUNT, TileSums, resolve_bricks
+from .grid import BRICK_SIZE, CHANNELS, MOMENTS, empty_values
+from .native_tiles import NativeTileSums, has_native_tiles
+from .tile_sums import SUM_BYTES, OpenTile, TilePlace, TileSums, units_per_voxel
 from .tiles import VoxelBox
-
-DEVICE = "cpu"
 
 
 def accumulator_bytes(tile_voxels: int) -> int:
     """Memory of one accumulator once all its bricks have been touched."""
-    return (tile_voxels // BRICK_SIZE) ** 3 * BRICK_VOXELS * SUM_COUNT * 8
+    return tile_voxels**3 * SUM_BYTES
+
+
+def load_kernels() -> None:
+    """Make Warp's kernels ready, where they are needed, before threads ask for them."""
+    if not has_native_tiles():
+        from .warp_tiles import load_kernels as load
+
+        load()
 
 
 @dataclass(frozen=True)
@@ -38,58 +44,53 @@ class BrickBatch:
 
 
 class TileAccumulator:
-    """Sums for all voxels of one tile, used for tile after tile by one worker."""
+    """Sums for all voxels of one tile, used for tile after tile by one worker.
 
-    def __init__(self, tile_voxels: int, voxel_size_mm: float, *, second_moment: bool = False) -> None:
-        self._bricks_per_side = tile_voxels // BRICK_SIZE
+    `native=False` takes Warp's kernels where the C++ twin is there too; the bits are the same.
+    """
+
+    def __init__(
+        self,
+        tile_voxels: int,
+        voxel_size_mm: float,
+        *,
+        second_moment: bool = False,
+        native: bool | None = None,
+    ) -> None:
+        bricks_per_side = tile_voxels // BRICK_SIZE
+        self._shape = (bricks_per_side,) * 3
         self._tile_voxels = tile_voxels
         self._voxel_size_mm = voxel_size_mm
         self._second_moment = second_moment
-        # fresh zero pages cost nothing until fibers reach their brick
-        self._sums = _shared(np.zeros(accumulator_bytes(tile_voxels) // 8, dtype=np.int64), wp.int64)
-        self._used = _shared(np.zeros(self._bricks_per_side**3, dtype=np.uint8), wp.uint8)
+        self._units = units_per_voxel(1)
+        self._sums: TileSums
+        if native is False or not has_native_tiles():
+            from .warp_tiles import WarpTileSums
 
-    def open(self, origin: np.ndarray, region: VoxelBox, lines: np.ndarray) -> TileSums:
+            self._sums = WarpTileSums(bricks_per_side)
+        else:
+            self._sums = NativeTileSums(bricks_per_side)
+
+    def open(self, origin: np.ndarray, region: VoxelBox, lines: np.ndarray) -> OpenTile:
         """The tile that begins at voxel `origin`, cut to the region; `lines` as in `TilePlan`."""
-        tile = TileSums()
-        tile.origin = wp.vec3i(*origin.tolist())
-        tile.low = wp.vec3i(*np.maximum(origin, region.low).tolist())
-        tile.high = wp.vec3i(*np.minimum(origin + self._tile_voxels, region.high).tolist())
-        tile.bricks_per_side = self._bricks_per_side
-        tile.inverse_voxel_size = 1.0 / self._voxel_size_mm
-        tile.sums = self._sums
-        tile.used = self._used
-        tile.offsets = _shared(lines, wp.vec2)
-        return tile
+        place = TilePlace(
+            origin=origin,
+            low=np.maximum(origin, region.low),
+            high=np.minimum(origin + self._tile_voxels, region.high),
+            voxel_size_mm=self._voxel_size_mm,
+            lines=lines,
+            region_mm=np.stack([region.low, region.high]) * self._voxel_size_mm,
+        )
+        self._units = units_per_voxel(len(lines))
+        return self._sums.open(place)
 
     def resolve(self, origin: np.ndarray, fiber_radius_mm: float) -> BrickBatch:
         """The tile's occupied bricks; its sums are clear afterwards."""
-        used = self._used.numpy()
-        bricks = np.flatnonzero(used).astype(np.int32)
-        used[bricks] = 0
-        density, direction = empty_values(len(bricks), "density"), empty_values(len(bricks), "direction")
-        moments = [empty_values(len(bricks) if self._second_moment else 0, name) for name in MOMENTS]
-        wp.launch(
-            resolve_bricks,
-            dim=density.shape,
-            inputs=[
-                self._sums,
-                _shared(bricks, wp.int32),
-                # phi = pi a^2 lambda, with lambda h^3 the length in the voxel
-                math.pi * fiber_radius_mm**2 / (self._voxel_size_mm**2 * LENGTH_UNITS),
-            ],
-            outputs=[
-                _shared(density, wp.float32),
-                *(_shared(array, wp.vec3) for array in (direction, *moments)),
-            ],
-            device=DEVICE,
-        )
-        side = self._bricks_per_side
-        place = np.stack(np.unravel_index(bricks, (side, side, side)), axis=1)
-        origins = (origin + place * BRICK_SIZE).astype(np.int32)
-        return BrickBatch(origins, density, direction, *(moments if self._second_moment else ()))
-
-
-def _shared(array: np.ndarray, dtype: type) -> wp.array:
-    """A Warp array on the memory of a numpy array."""
-    return wp.array(array, dtype=dtype, device=DEVICE, copy=False)
+        bricks = np.flatnonzero(self._sums.used).astype(np.int32)
+        names = [name for name in CHANNELS if name not in MOMENTS or self._second_moment]
+        channels = {name: empty_values(len(bricks), name) for name in names}
+        # phi = pi a^2 lambda, with lambda h^3 the length in the voxel
+        per_unit = math.pi * fiber_radius_mm**2 / (self._voxel_size_mm**2 * self._units)
+        self._sums.resolve(bricks, per_unit, channels)
+        place = np.stack(np.unravel_index(bricks, self._shape), axis=1)
+        return BrickBatch((origin + place * BRICK_SIZE).astype(np.int32), **channels)

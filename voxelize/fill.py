@@ -1,4 +1,4 @@
-"""Filling tiles, several at a time: strands are made inside the kernel, clipped and added up into bricks."""
+"""Filling tiles, several at a time: strands are made, clipped and added up into bricks."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from typing import TypeVar, cast
 
-from .accumulator import BrickBatch, TileAccumulator
+from .accumulator import BrickBatch, TileAccumulator, load_kernels
 from .plan import TileJob, TilePlan
-from .sources import Source, load_kernels, region_limits
+from .sources import Source
 
 Progress = Callable[[float, str], None]
 Kept = TypeVar("Kept")
@@ -26,11 +26,9 @@ def fill_tiles(
 ) -> list[Kept]:
     """What `keep` makes of each chosen job's (number, bricks, fiber length generated), in their order.
 
-    `keep` is called in the worker, so that bricks it does not hold on to are gone before the next tile. Warp
-    launches release the interpreter lock.
+    `keep` is called in the worker, so that bricks it does not hold on to are gone before the next tile.
     """
     load_kernels()
-    limits = region_limits(plan.region, plan.voxel_size_mm)
     numbers = range(len(plan.jobs)) if chosen is None else chosen
     own = threading.local()
     failed = threading.Event()
@@ -45,7 +43,7 @@ def fill_tiles(
                 )
             job = plan.jobs[number]
             tile = own.accumulator.open(job.work.origin, plan.region, plan.lines[job.medium])
-            length = source.accumulate(tile, job.work, limits)
+            length = source.accumulate(tile, job.work)
             batch = own.accumulator.resolve(job.work.origin, source.fiber_radius_mm[job.medium])
             return keep(number, batch, length)
         except BaseException:

@@ -3,32 +3,41 @@
 
 Amanatides and Woo 1987, walked along the segment: every voxel receives the length l of the piece inside it
 and the second moment l t t^T of the piece's direction t. Sums are integers, so their order does not matter:
-any split into tiles, threads or launches gives the same bits.
+any split into tiles, threads or launches gives the same bits. Twin: tile_extension/, in C++ for the CPU.
 """
 
 from __future__ import annotations
 
 import warp as wp
 
-from weft.fiber_model.fiber_kernels import FiberTables, open_strand, open_strand_point
-
 from .grid import BRICK_VOXELS
+from .tile_sums import IS_MEASURED, MEASURE_UNITS
 
 SUM_COUNT = 6
 """Integer sums per voxel: l and l times xx, yy, xy, xz, yz of t t^T; zz is what is left of l."""
 
-LENGTH_UNITS = 2.0**32
-"""Integer units per voxel size: 2^-32 of a voxel resolved, 2^31 voxel lengths of fiber per voxel held."""
+THIRD_OF_ANGLE = (
+    0.7660444431189773, 0.24740906632284596, -0.01550918843636095, 0.0024663528154554026,
+    -0.0005041246941713294, 0.00011642544735162777, -2.8919908083649873e-05, 7.541116258522758e-06,
+    -2.0359982138012955e-06, 5.64018149027463e-07, -1.592248868463443e-07, 4.612243144631487e-08,
+    -1.3792790111301991e-08, 3.642254207918733e-09, -8.450712135305638e-10, 5.15250520454934e-10,
+    -2.1940729610579496e-10,
+)  # fmt: skip
+"""cos(2/3 acos((z + 1) / 2)) as a polynomial of z in [-1, 1], to 1.2e-14: Chebyshev interpolation. Sums and
+products alone, so that every compiler and processor gives the same bits."""
 
-MEASURE_UNITS = 2.0**32
-"""Integer units per mm when the generated length is added up."""
 
-wp.set_module_options({"enable_backward": False})
+# the twins in tile_extension/ round every operation by itself, and so does this
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 _BRICK_VOXELS = wp.constant(BRICK_VOXELS)
 _SUM_COUNT = wp.constant(SUM_COUNT)
-_LENGTH_UNITS = wp.constant(LENGTH_UNITS)
 _MEASURE_UNITS = wp.constant(wp.float64(MEASURE_UNITS))
+# as constants: within a kernel 1.0 / 3.0 is a number of 32 bits
+_THIRD = wp.constant(wp.float64(1.0 / 3.0))
+_SIXTH = wp.constant(wp.float64(1.0 / 6.0))
+_THIRD_OF_ANGLE = wp.constant(wp.types.vector(17, wp.float64)(*THIRD_OF_ANGLE))
+_IS_MEASURED = wp.constant(wp.uint8(IS_MEASURED))
 _NEVER = wp.constant(2.0)
 """A segment parameter beyond its end (0 is its start, 1 its end)."""
 
@@ -46,6 +55,8 @@ class TileSums:
     bricks_per_side: wp.int32
     inverse_voxel_size: wp.float32
     """[1/mm]"""
+    scale: wp.float32
+    """Integer units that a voxel size of length counts in each of a fiber's lines."""
     sums: wp.array(dtype=wp.int64)
     """Flat [brick, voxel, SUM_COUNT]; the brick index is (x * n + y) * n + z with n bricks per side."""
     used: wp.array(dtype=wp.uint8)
@@ -60,8 +71,8 @@ def deposit(tile: TileSums, voxel: wp.vec3i, units: wp.float32, squares: wp.vec3
 
     squares = (t_x t_x, t_y t_y, -), products = (t_x t_y, t_x t_z, t_y t_z).
     """
-    length = wp.int64(units)
-    if length > wp.int64(0):
+    if units >= 1.0:
+        length = wp.int64(units)
         brick = ((voxel[0] >> 3) * tile.bricks_per_side + (voxel[1] >> 3)) * tile.bricks_per_side + (
             voxel[2] >> 3
         )
@@ -77,57 +88,67 @@ def deposit(tile: TileSums, voxel: wp.vec3i, units: wp.float32, squares: wp.vec3
 
 
 @wp.func
-def crossing_at(start: wp.float32, inverse: wp.float32, voxel: int, last: int):
-    """Segment parameter of the next voxel face along one axis; `_NEVER` once the last voxel is reached.
+def crossing_at(face: wp.float32, start: wp.float32, inverse: wp.float32, left: int):
+    """Segment parameter of the next voxel face along one axis; `_NEVER` where none is left.
 
     It may be infinite or not a number where the segment hardly moves along the axis: never the smallest.
     """
-    if voxel == last:
-        return float(_NEVER)
-    return (float(wp.max(voxel, voxel + wp.sign(last - voxel))) - start) * inverse
+    if left > 0:
+        return (face - start) * inverse
+    return float(_NEVER)
 
 
 @wp.func
-def accumulate_line(tile: TileSums, a: wp.vec3, b: wp.vec3, step: wp.vec3, units: wp.float32):
+def accumulate_line(tile: TileSums, a: wp.vec3, b: wp.vec3, step: wp.vec3):
     """Clip the line from a to b [mm] against the voxel faces and add its pieces to the tile.
 
-    `step` is b - a before both were moved, `units` what a voxel size of length counts. Every piece is
-    computed from the whole segment, never from where it enters the tile, so that a piece has the same bits
-    whichever tile asks for it.
+    `step` is b - a before both were moved. Every piece is computed from the whole segment, never from where
+    it enters the tile, so that a piece has the same bits whichever tile asks for it.
     """
     p = a * tile.inverse_voxel_size
     q = b * tile.inverse_voxel_size
     # not q - p: the difference of the points is exact, so that length is conserved far from the origin too
     d = step * tile.inverse_voxel_size
-    ix = int(wp.floor(p[0]))
-    iy = int(wp.floor(p[1]))
-    iz = int(wp.floor(p[2]))
-    jx = int(wp.floor(q[0]))
-    jy = int(wp.floor(q[1]))
-    jz = int(wp.floor(q[2]))
-    if wp.max(ix, jx) < tile.low[0] or wp.max(iy, jy) < tile.low[1] or wp.max(iz, jz) < tile.low[2]:
-        return
-    if wp.min(ix, jx) >= tile.high[0] or wp.min(iy, jy) >= tile.high[1] or wp.min(iz, jz) >= tile.high[2]:
-        return
-    length = wp.length(d)
+    voxel = wp.vec3i(int(wp.floor(p[0])), int(wp.floor(p[1])), int(wp.floor(p[2])))
+    last = wp.vec3i(int(wp.floor(q[0])), int(wp.floor(q[1])), int(wp.floor(q[2])))
+    for k in range(3):
+        if wp.max(voxel[k], last[k]) < tile.low[k] or wp.min(voxel[k], last[k]) >= tile.high[k]:
+            return
+    length = wp.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     if not length > 0.0:
         return
-    t = d / length
-    squares = wp.cw_mul(t, t)
+    part = 1.0 / length
+    t = wp.vec3(d[0] * part, d[1] * part, d[2] * part)
+    squares = wp.vec3(t[0] * t[0], t[1] * t[1], 0.0)
     products = wp.vec3(t[0] * t[1], t[0] * t[2], t[1] * t[2])
-    length_units = length * units
-    inverse = wp.vec3(1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
+    length_units = length * tile.scale
 
-    next_x = crossing_at(p[0], inverse[0], ix, jx)
-    next_y = crossing_at(p[1], inverse[1], iy, jy)
-    next_z = crossing_at(p[2], inverse[2], iz, jz)
-    crossings = wp.abs(jx - ix) + wp.abs(jy - iy) + wp.abs(jz - iz)
+    ix = voxel[0]
+    iy = voxel[1]
+    iz = voxel[2]
+    left_x = wp.abs(last[0] - ix)
+    left_y = wp.abs(last[1] - iy)
+    left_z = wp.abs(last[2] - iz)
+    step_x = wp.where(last[0] > ix, 1, -1)
+    step_y = wp.where(last[1] > iy, 1, -1)
+    step_z = wp.where(last[2] > iz, 1, -1)
+    face_x = float(wp.where(last[0] > ix, ix + 1, ix))
+    face_y = float(wp.where(last[1] > iy, iy + 1, iy))
+    face_z = float(wp.where(last[2] > iz, iz + 1, iz))
+    inverse = wp.vec3(1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
+    next_x = crossing_at(face_x, p[0], inverse[0], left_x)
+    next_y = crossing_at(face_y, p[1], inverse[1], left_y)
+    next_z = crossing_at(face_z, p[2], inverse[2], left_z)
+    crossings = left_x + left_y + left_z
     reached = wp.float32(0.0)
     for crossing in range(crossings + 1):
-        until = wp.float32(1.0)
-        if crossing < crossings:
-            # rounding may put a face a hair before the previous one or behind the end
-            until = wp.clamp(wp.min(next_x, wp.min(next_y, next_z)), reached, 1.0)
+        along_x = next_x <= next_y and next_x <= next_z
+        along_y = not along_x and next_y <= next_z
+        # rounding may put a face a hair before the previous one or behind the end
+        until = wp.where(along_x, next_x, wp.where(along_y, next_y, next_z))
+        until = wp.where(until > reached, until, reached)
+        until = wp.where(until < 1.0, until, 1.0)
+        until = wp.where(crossing == crossings, 1.0, until)
         if (
             ix >= tile.low[0]
             and iy >= tile.low[1]
@@ -136,19 +157,24 @@ def accumulate_line(tile: TileSums, a: wp.vec3, b: wp.vec3, step: wp.vec3, units
             and iy < tile.high[1]
             and iz < tile.high[2]
         ):
-            deposit(
-                tile, wp.vec3i(ix, iy, iz) - tile.origin, (until - reached) * length_units, squares, products
-            )
+            units = (until - reached) * length_units + 0.5
+            deposit(tile, wp.vec3i(ix, iy, iz) - tile.origin, units, squares, products)
         reached = until
-        if next_x <= next_y and next_x <= next_z:
-            ix += wp.sign(jx - ix)
-            next_x = crossing_at(p[0], inverse[0], ix, jx)
-        elif next_y <= next_z:
-            iy += wp.sign(jy - iy)
-            next_y = crossing_at(p[1], inverse[1], iy, jy)
+        if along_x:
+            ix += step_x
+            left_x -= 1
+            face_x += float(step_x)
+            next_x = crossing_at(face_x, p[0], inverse[0], left_x)
+        elif along_y:
+            iy += step_y
+            left_y -= 1
+            face_y += float(step_y)
+            next_y = crossing_at(face_y, p[1], inverse[1], left_y)
         else:
-            iz += wp.sign(jz - iz)
-            next_z = crossing_at(p[2], inverse[2], iz, jz)
+            iz += step_z
+            left_z -= 1
+            face_z += float(step_z)
+            next_z = crossing_at(face_z, p[2], inverse[2], left_z)
 
 
 @wp.func
@@ -167,13 +193,16 @@ def clipped_length(a: wp.vec3, b: wp.vec3, low: wp.vec3d, high: wp.vec3d):
             v = (high[axis] - start[axis]) / d[axis]
             enter = wp.max(enter, wp.min(u, v))
             leave = wp.min(leave, wp.max(u, v))
-    return wp.length(d) * wp.max(leave - enter, wp.float64(0.0))
+    return wp.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * wp.max(leave - enter, wp.float64(0.0))
 
 
 @wp.func
 def line_offset(tile: TileSums, k: int, a: wp.vec3, b: wp.vec3):
     """Line `k` of a segment lies this far from it [mm], at right angles. Frame after Duff et al. 2017."""
-    t = wp.normalize(b - a)
+    s = b - a
+    length = wp.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
+    inverse = wp.where(length > 0.0, 1.0 / length, 0.0)
+    t = wp.vec3(s[0] * inverse, s[1] * inverse, s[2] * inverse)
     sign = wp.where(t[2] < 0.0, -1.0, 1.0)
     c = -1.0 / (sign + t[2])
     d = t[0] * t[1] * c
@@ -187,17 +216,36 @@ def accumulate_segment(tile: TileSums, a: wp.vec3, b: wp.vec3):
     """Add a fiber's segment from a to b [mm] to the tile, as its lines."""
     lines = tile.offsets.shape[0]
     if lines == 1:
-        accumulate_line(tile, a, b, b - a, _LENGTH_UNITS)
+        accumulate_line(tile, a, b, b - a)
     else:
-        part = _LENGTH_UNITS / float(lines)
         for k in range(lines):
             o = line_offset(tile, k, a, b)
-            accumulate_line(tile, a + o, b + o, b - a, part)
+            accumulate_line(tile, a + o, b + o, b - a)
+
+
+@wp.func
+def lies_within(tile: TileSums, a: wp.vec3, b: wp.vec3, low: wp.vec3d, high: wp.vec3d):
+    """Whether a segment and its lines lie well inside a box [mm]."""
+    margin = wp.float64(0.0)
+    for k in range(tile.offsets.shape[0]):
+        o = tile.offsets[k]
+        margin = wp.max(margin, wp.float64(2.0) * wp.float64(wp.max(wp.abs(o[0]), wp.abs(o[1]))))
+    for axis in range(3):
+        if wp.float64(wp.min(a[axis], b[axis])) - margin <= low[axis]:
+            return False
+        if wp.float64(wp.max(a[axis], b[axis])) + margin >= high[axis]:
+            return False
+    return True
 
 
 @wp.func
 def segment_length_within(tile: TileSums, a: wp.vec3, b: wp.vec3, low: wp.vec3d, high: wp.vec3d):
     """Length [mm] of a segment inside a box, the mean of its lines'."""
+    if lies_within(tile, a, b, low, high):
+        x = wp.float64(b[0]) - wp.float64(a[0])
+        y = wp.float64(b[1]) - wp.float64(a[1])
+        z = wp.float64(b[2]) - wp.float64(a[2])
+        return wp.sqrt(x * x + y * y + z * z)
     lines = tile.offsets.shape[0]
     if lines == 1:
         return clipped_length(a, b, low, high)
@@ -209,71 +257,79 @@ def segment_length_within(tile: TileSums, a: wp.vec3, b: wp.vec3, low: wp.vec3d,
 
 
 @wp.kernel
-def accumulate_segments(
+def accumulate_points(
     tile: TileSums,
-    segments: wp.array2d(dtype=wp.vec3),
-    chosen: wp.array(dtype=wp.int32),
-    measured: wp.array(dtype=wp.uint8),
+    points: wp.array(dtype=wp.vec3),
+    flags: wp.array(dtype=wp.uint8),
+    stride: wp.int32,
+    order: wp.array(dtype=wp.int32),
     region_low: wp.vec3d,
     region_high: wp.vec3d,
     length: wp.array(dtype=wp.int64),
 ):
-    """One thread adds one of the chosen segments, shape [segment_count, 2] [mm].
+    """One thread adds one segment, from points[i * stride] to the point after it [mm].
 
-    Where `measured`, `length` receives the length within the region, in MEASURE_UNITS.
+    flags[i] is 0 where there is no segment; bit 0 means that it is added, bit 1 that `length` receives its
+    length within the region, in MEASURE_UNITS. Where `order` is not empty it names the segments to take.
     """
     i = wp.tid()
-    a = segments[chosen[i], 0]
-    b = segments[chosen[i], 1]
+    if flags[i] == wp.uint8(0):
+        return
+    begin = i
+    if order.shape[0] > 0:
+        begin = order[i]
+    a = points[begin * stride]
+    b = points[begin * stride + 1]
     accumulate_segment(tile, a, b)
-    if measured[i] != wp.uint8(0):
+    if (flags[i] & _IS_MEASURED) != wp.uint8(0):
         length[i] = wp.int64(segment_length_within(tile, a, b, region_low, region_high) * _MEASURE_UNITS)
 
 
-@wp.kernel
-def accumulate_fibers(
-    tile: TileSums,
-    tables: FiberTables,
-    stretches: wp.array(dtype=wp.int32),
-    strands: wp.array(dtype=wp.int32),
-    measured: wp.array(dtype=wp.uint8),
-    region_low: wp.vec3d,
-    region_high: wp.vec3d,
-    length: wp.array(dtype=wp.int64),
-):
-    """One thread makes one strand of one stretch and adds its segments; else as `accumulate_segments`."""
-    i = wp.tid()
-    strand = open_strand(tables, stretches[i], strands[i])
-    total = wp.float64(0.0)
-    before = open_strand_point(tables, strand, 0)
-    for k in range(1, strand.segments + 1):
-        point = open_strand_point(tables, strand, k)
-        accumulate_segment(tile, before, point)
-        if measured[i] != wp.uint8(0):
-            total += segment_length_within(tile, before, point, region_low, region_high)
-        before = point
-    length[i] = wp.int64(total * _MEASURE_UNITS)
+@wp.func
+def unit(v: wp.vec3d):
+    """v / |v|, as the C++ twin computes it."""
+    return v * (wp.float64(1.0) / wp.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
 
 
 @wp.func
-def axis_in_plane(diagonal: wp.vec3d, row_x: wp.vec3d, row_y: wp.vec3d, row_z: wp.vec3d):
+def squared(v: wp.vec3d):
+    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+
+
+@wp.func
+def axis_in_plane(diagonal: wp.vec3d, off: wp.vec3d, value: wp.float64):
     """The axis of two equal largest eigenvalues: any in their plane; this is the one nearest the coordinate
-    axis of the largest diagonal element. The rows of A - lambda I are normal to the plane.
+    axis of the largest diagonal element. The rows of A - value I are normal to the plane.
     """
-    normal = row_x
-    if wp.length_sq(row_y) > wp.length_sq(normal):
+    normal = wp.vec3d(diagonal[0] - value, off[0], off[1])
+    row_y = wp.vec3d(off[0], diagonal[1] - value, off[2])
+    row_z = wp.vec3d(off[1], off[2], diagonal[2] - value)
+    if squared(row_y) > squared(normal):
         normal = row_y
-    if wp.length_sq(row_z) > wp.length_sq(normal):
+    if squared(row_z) > squared(normal):
         normal = row_z
-    normal = wp.normalize(normal)
+    n = unit(normal)
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     axis = wp.vec3d(one, zero, zero)
+    along = n[0]
     if diagonal[1] > diagonal[0] and diagonal[1] >= diagonal[2]:
         axis = wp.vec3d(zero, one, zero)
+        along = n[1]
     elif diagonal[2] > diagonal[0]:
         axis = wp.vec3d(zero, zero, one)
-    return wp.normalize(axis - normal * wp.dot(normal, axis))
+        along = n[2]
+    return unit(wp.vec3d(axis[0] - n[0] * along, axis[1] - n[1] * along, axis[2] - n[2] * along))
+
+
+@wp.func
+def cosine_of_third(cosine: wp.float64):
+    """cos(acos(cosine) / 3)."""
+    z = wp.float64(2.0) * wp.sqrt(wp.float64(0.5) * (wp.float64(1.0) + cosine)) - wp.float64(1.0)
+    total = _THIRD_OF_ANGLE[16]
+    for k in range(1, 17):
+        total = total * z + _THIRD_OF_ANGLE[16 - k]
+    return total
 
 
 @wp.func
@@ -282,37 +338,34 @@ def largest_eigenvector(diagonal: wp.vec3d, off: wp.vec3d):
 
     Closed form: Smith 1961 for the eigenvalue, then the longest cross product of two rows of A - lambda I.
     """
-    third = wp.float64(1.0) / wp.float64(3.0)
-    mean = (diagonal[0] + diagonal[1] + diagonal[2]) * third
+    mean = (diagonal[0] + diagonal[1] + diagonal[2]) * _THIRD
     x = diagonal[0] - mean
     y = diagonal[1] - mean
     z = diagonal[2] - mean
-    squared = wp.dot(off, off)
-    spread = wp.sqrt((x * x + y * y + z * z + wp.float64(2.0) * squared) / wp.float64(6.0))
+    xy = off[0]
+    xz = off[1]
+    yz = off[2]
+    two = wp.float64(2.0)
+    spread = wp.sqrt((x * x + y * y + z * z + two * squared(off)) * _SIXTH)
     if spread < wp.float64(1.0e-12):
         return wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-    determinant = (
-        x * (y * z - off[2] * off[2])
-        - off[0] * (off[0] * z - off[2] * off[1])
-        + off[1] * (off[0] * off[2] - y * off[1])
-    )
-    cosine = wp.clamp(
-        wp.float64(0.5) * determinant / (spread * spread * spread), wp.float64(-1.0), wp.float64(1.0)
-    )
-    shift = wp.float64(2.0) * spread * wp.cos(wp.acos(cosine) * third)
-    row_x = wp.vec3d(x - shift, off[0], off[1])
-    row_y = wp.vec3d(off[0], y - shift, off[2])
-    row_z = wp.vec3d(off[1], off[2], z - shift)
-    best = wp.cross(row_x, row_y)
-    second = wp.cross(row_x, row_z)
-    if wp.length_sq(second) > wp.length_sq(best):
+    determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz)
+    inverse = wp.float64(1.0) / spread
+    cosine = wp.float64(0.5) * determinant * inverse * inverse * inverse
+    shift = two * spread * cosine_of_third(wp.clamp(cosine, wp.float64(-1.0), wp.float64(1.0)))
+    rx = x - shift
+    ry = y - shift
+    rz = z - shift
+    best = wp.vec3d(xy * yz - xz * ry, xz * xy - rx * yz, rx * ry - xy * xy)
+    second = wp.vec3d(xy * rz - xz * yz, xz * xz - rx * rz, rx * yz - xy * xz)
+    third = wp.vec3d(ry * rz - yz * yz, yz * xz - xy * rz, xy * yz - ry * xz)
+    if squared(second) > squared(best):
         best = second
-    third_product = wp.cross(row_y, row_z)
-    if wp.length_sq(third_product) > wp.length_sq(best):
-        best = third_product
-    if wp.length_sq(best) > wp.float64(1.0e-24) * spread * spread * spread * spread:
-        return wp.normalize(best)
-    return axis_in_plane(diagonal, row_x, row_y, row_z)
+    if squared(third) > squared(best):
+        best = third
+    if squared(best) > wp.float64(1.0e-24) * spread * spread * spread * spread:
+        return unit(best)
+    return axis_in_plane(diagonal, off, mean + shift)
 
 
 @wp.func

@@ -18,9 +18,10 @@ import numpy as np
 import warp as wp
 
 from . import level_kernels
-from .accumulator import DEVICE, BrickBatch
+from .accumulator import BrickBatch
 from .grid import BRICK_SIZE, BRICK_VOXELS, CHANNELS, MOMENTS, FiberGrid, FiberVolume
 from .grid_files import SECOND_LOBE
+from .tile_sums import DEVICE
 
 BLOCK_BRICKS = 16
 """Finer bricks along the edge of a cube that is coarsened at a time."""

@@ -12,6 +12,7 @@ import numpy as np
 from weft.files.errors import InputError
 
 from .grid import BRICK_SIZE, BRICK_VOXELS
+from .tile_sums import SUM_BYTES
 from .tiles import VoxelBox, cells_touched, clip_boxes, voxel_boxes
 
 BRICK_BYTES = BRICK_VOXELS * (4 + 12) + 12
@@ -20,7 +21,7 @@ BRICK_BYTES = BRICK_VOXELS * (4 + 12) + 12
 INDEX_BYTES = 320
 """What stays in memory of a brick whose values are on the disk: place, mask, digest, offsets, a leaf."""
 
-WORKING_BYTES = BRICK_VOXELS * (6 * 8 + 3 * 16)
+WORKING_BYTES = BRICK_VOXELS * (SUM_BYTES + 3 * 16)
 """Of a brick while its tile is being filled: sums, and its values thrice, as made, packed and hashed."""
 
 SMALLEST_TILE = 16

@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import warp as wp
 
-from . import kernels
-from .accumulator import DEVICE
 from .fingerprint import fingerprint
-from .kernels import MEASURE_UNITS, TileSums, accumulate_fibers, accumulate_segments
-from .tiles import TileWork, VoxelBox
+from .tile_sums import IS_MEASURED, IS_SEGMENT, MEASURE_UNITS, OpenTile
+from .tiles import TileWork
 
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
 
 SEGMENTS_PER_BLOCK = 64
 """Consecutive explicit segments that share one box."""
+
+POINTS_AT_ONCE = 1 << 16
+"""Points of fibers made before they are added to a tile: they are still in the cache then."""
 
 
 class Source(Protocol):
@@ -49,12 +49,12 @@ class Source(Protocol):
     def fingerprint(self) -> str:
         """A hash of everything that decides the items."""
 
-    def accumulate(self, tile: TileSums, work: TileWork, limits: tuple[wp.vec3d, wp.vec3d]) -> int:
-        """Add the items of `work` to the tile; the length within `limits` of those visited first."""
+    def accumulate(self, tile: OpenTile, work: TileWork) -> int:
+        """Add the items of `work` to the tile; the length within its region of those visited first."""
 
 
 class FiberSource:
-    """The stretches of a `FiberSet`: every strand of each is made inside the kernel and never stored."""
+    """The stretches of a `FiberSet`: made a few at a time where a tile needs them, and never stored."""
 
     def __init__(self, fibers: FiberSet) -> None:
         self.media = fibers.type_names
@@ -63,24 +63,57 @@ class FiberSource:
         self.medium = fibers.stretch_type()
         self.cost = fibers.stretch_strand_counts()
         self._fibers = fibers
-        self._tables = fibers.tables(DEVICE)
+        self._tables = fibers.tables()
+        hairs = fibers.stretches["hairs"]
+        self._points = fibers.stretch_point_counts()
+        self._strand_counts = np.stack([self.cost - hairs, hairs], axis=1)
+        body = fibers.stretches["segments"] + 1
+        self._strand_points = np.stack([body, np.full_like(body, fibers.config.hair_segments + 1)], axis=1)
 
     def fingerprint(self) -> str:
         """Over all that the set holds, but for its report."""
         names = [field.name for field in fields(self._fibers) if field.name != "report"]
         return fingerprint((name, getattr(self._fibers, name)) for name in names)
 
-    def accumulate(self, tile: TileSums, work: TileWork, limits: tuple[wp.vec3d, wp.vec3d]) -> int:
-        """One thread per strand."""
-        counts = self.cost[work.items]
-        before = np.cumsum(counts) - counts
-        strands = np.arange(counts.sum()) - np.repeat(before, counts)
-        return _launch(
-            accumulate_fibers,
-            [tile, self._tables, _indices(np.repeat(work.items, counts)), _indices(strands)],
-            np.repeat(work.first_visit, counts),
-            limits,
+    def accumulate(self, tile: OpenTile, work: TileWork) -> int:
+        """All points of a few stretches at a time, by one thread."""
+        before = np.cumsum(self._points[work.items]) // POINTS_AT_ONCE
+        starts = np.flatnonzero(np.diff(before, prepend=-1))
+        length = 0
+        for begin, end in zip(starts, np.r_[starts[1:], len(work.items)], strict=True):
+            items = work.items[begin:end]
+            points, flags = self._make(tile.device, items, work.first_visit[begin:end])
+            length += tile.add(points, flags, stride=1)
+        return length
+
+    def _make(self, device: str, stretches: np.ndarray, measured: np.ndarray) -> tuple[Any, np.ndarray]:
+        """The points of all strands of the stretches, and the flags of the segments that begin in them."""
+        import warp as wp
+
+        from weft.fiber_model.strand_kernels import points_kernel
+
+        counts = self._points[stretches]
+        offsets, total = np.cumsum(counts) - counts, int(counts.sum())
+        if wp.get_device(device).is_cpu:
+            made: Any = np.empty((total, 3), np.float32)
+            points = wp.array(made, dtype=wp.vec3, device=device, copy=False)
+        else:
+            made = points = wp.empty(total, dtype=wp.vec3, device=device)
+        inputs = [
+            0,
+            self._tables,
+            wp.array(stretches.astype(np.int32), dtype=wp.int32, device=device, copy=False),
+            wp.array(offsets.astype(np.int64), dtype=wp.int64, device=device, copy=False),
+            points,
+            wp.empty(total, dtype=wp.uint8, device=device),
+        ]
+        wp.launch(points_kernel, len(stretches), inputs=inputs, device=device)
+        strand_points = np.repeat(
+            self._strand_points[stretches].ravel(), self._strand_counts[stretches].ravel()
         )
+        flags = np.repeat(np.where(measured, IS_SEGMENT | IS_MEASURED, IS_SEGMENT).astype(np.uint8), counts)
+        flags[np.cumsum(strand_points) - 1] = 0
+        return made, flags
 
 
 class SegmentSource:
@@ -91,7 +124,6 @@ class SegmentSource:
         self.fiber_radius_mm = (fiber_radius_mm,)
         self._segments = np.ascontiguousarray(segments, dtype=np.float32)
         self._starts = np.arange(0, len(segments), SEGMENTS_PER_BLOCK)
-        self._on_device = wp.array(self._segments, dtype=wp.vec3, device=DEVICE, copy=False)
 
     def fingerprint(self) -> str:
         return fingerprint(
@@ -112,42 +144,20 @@ class SegmentSource:
     def cost(self) -> np.ndarray:
         return np.diff(np.r_[self._starts, len(self._segments)])
 
-    def accumulate(self, tile: TileSums, work: TileWork, limits: tuple[wp.vec3d, wp.vec3d]) -> int:
-        """One thread per segment."""
+    def accumulate(self, tile: OpenTile, work: TileWork) -> int:
+        """All at once."""
         counts = self.cost[work.items]
         before = np.cumsum(counts) - counts
         chosen = np.arange(counts.sum()) + np.repeat(self._starts[work.items] - before, counts)
-        return _launch(
-            accumulate_segments,
-            [tile, self._on_device, _indices(chosen)],
-            np.repeat(work.first_visit, counts),
-            limits,
+        flags = np.where(work.first_visit, IS_SEGMENT | IS_MEASURED, IS_SEGMENT).astype(np.uint8)
+        return tile.add(
+            self._segments.reshape(-1, 3),
+            np.repeat(flags, counts),
+            stride=2,
+            order=chosen.astype(np.int32),
         )
-
-
-def load_kernels() -> None:
-    """Compile the kernels, or fetch them from Warp's cache, before threads ask for them."""
-    wp.load_module(kernels, device=DEVICE)
-
-
-def region_limits(region: VoxelBox, voxel_size_mm: float) -> tuple[wp.vec3d, wp.vec3d]:
-    """Corners of the region in mm."""
-    return wp.vec3d(*(region.low * voxel_size_mm)), wp.vec3d(*(region.high * voxel_size_mm))
 
 
 def units_to_mm(length: int) -> float:
     """Length in mm from what `Source.accumulate` returned."""
     return length / MEASURE_UNITS
-
-
-def _indices(values: np.ndarray) -> wp.array:
-    return wp.array(values.astype(np.int32), dtype=wp.int32, device=DEVICE, copy=False)
-
-
-def _launch(kernel: wp.Kernel, inputs: list, measured: np.ndarray, limits: tuple[wp.vec3d, wp.vec3d]) -> int:
-    """One thread per element of `measured`; the sum of the lengths it returns."""
-    length = np.zeros(len(measured), dtype=np.int64)
-    flags = wp.array(measured.astype(np.uint8), dtype=wp.uint8, device=DEVICE, copy=False)
-    out = wp.array(length, dtype=wp.int64, device=DEVICE, copy=False)
-    wp.launch(kernel, dim=len(measured), inputs=[*inputs, flags, *limits], outputs=[out], device=DEVICE)
-    return int(length.sum())

@@ -5,12 +5,15 @@ from __future__ import annotations
 import shutil
 import subprocess
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-import warp as wp
 
+from weft.fiber_model.config import FibersConfig
+from weft.fiber_model.fibers import FiberSet, run
+from weft.fiber_model.yarns.fabrics.knit import knit_yarns
 from weft.voxelize import sources, vdb
 from weft.voxelize.accumulator import TileAccumulator
 from weft.voxelize.config import VoxelizeConfig
@@ -18,7 +21,7 @@ from weft.voxelize.fill import fill_tiles
 from weft.voxelize.grid import FiberVolume
 from weft.voxelize.openvdb_library import extension
 from weft.voxelize.plan import checked_region, plan_tiles
-from weft.voxelize.sources import SegmentSource
+from weft.voxelize.sources import FiberSource, SegmentSource
 from weft.voxelize.tiles import TileWork, snap_region
 from weft.voxelize.voxelize import voxelize_segments
 
@@ -53,19 +56,17 @@ def plain_cpp(segments: np.ndarray, folder: Path) -> tuple[float, float]:
     return float(answer[0]), float(answer[1])
 
 
-def one_tile(segments: np.ndarray) -> float:
+def one_tile(segments: np.ndarray, *, native: bool) -> float:
     """Processor seconds of this thread to add all segments to one tile."""
-    sources.load_kernels()
     source, region = SegmentSource(segments, fiber_radius_mm=RADIUS), snap_region(None, VOXEL)
     items = np.arange(len(source.cost))
     work = TileWork(np.zeros(3, np.int64), items, np.zeros(len(items), bool))
-    accumulator = TileAccumulator(SIDE, VOXEL)
-    limits, best = sources.region_limits(region, VOXEL), np.inf
+    accumulator = TileAccumulator(SIDE, VOXEL, native=native)
+    best = np.inf
     for _ in range(5):
         tile = accumulator.open(np.zeros(3, np.int64), region, np.zeros((1, 2), np.float32))
         begin = time.thread_time()
-        source.accumulate(tile, work, limits)
-        wp.synchronize()
+        source.accumulate(tile, work)
         best = min(best, time.thread_time() - begin)
         accumulator.resolve(np.zeros(3, np.int64), RADIUS)
     return float(best)
@@ -98,12 +99,70 @@ def in_numpy(segments: np.ndarray) -> float:
 def test_accumulation_against_plain_cpp_and_numpy(segments, tmp_path):
     peer, length = plain_cpp(segments, tmp_path)
     assert length == pytest.approx(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum(), rel=1e-3)
-    ours, count = one_tile(segments), len(segments) / 1e6
-    numpy_seconds = in_numpy(segments[: len(segments) // 10]) * 10
-    print(
-        f"\naccumulation per core: {count / ours:.1f} Msegments/s; plain C++ -O3 {count / peer:.1f}: "
-        f"{peer / ours:.2f} times; numpy {count / numpy_seconds:.2f}: {numpy_seconds / ours:.0f} times"
-    )
+    count, numpy_seconds = len(segments) / 1e6, in_numpy(segments[: len(segments) // 10]) * 10
+    print(f"\nper core, Msegments/s: plain C++ -O3 {count / peer:.1f}, numpy {count / numpy_seconds:.2f}")
+    for name, native in (("C++", True), ("Warp", False)):
+        ours = one_tile(segments, native=native)
+        print(
+            f"  ours, {name}: {count / ours:.1f}; {peer / ours:.2f} times plain C++, "
+            f"{numpy_seconds / ours:.0f} times numpy"
+        )
+
+
+def test_fibers_and_accumulation_against_plain_cpp(segments, tmp_path, pytestconfig):
+    """Fibers of a knit swatch made, added up and resolved; each segment counted once, however often made."""
+    peer, _ = plain_cpp(segments, tmp_path)
+    fibers = knit_fibers(pytestconfig, 20.0)
+    source, config = FiberSource(fibers), VoxelizeConfig(voxel_size_mm=VOXEL)
+    plan = plan_tiles(config, source, checked_region(config, source), config.tile_voxels)
+    count = float((fibers.stretch_point_counts() - fibers.stretch_strand_counts()).sum()) / 1e6
+
+    def seconds(resolve: bool) -> float:
+        accumulator = TileAccumulator(plan.tile_voxels, VOXEL)
+        taken = 0.0
+        for job in plan.jobs:
+            tile = accumulator.open(job.work.origin, plan.region, plan.lines[0])
+            begin = time.thread_time()
+            source.accumulate(tile, job.work)
+            taken += 0.0 if resolve else time.thread_time() - begin
+            accumulator.resolve(job.work.origin, RADIUS)
+            taken += time.thread_time() - begin if resolve else 0.0
+        return taken
+
+    for name, resolve in (("fibers made and added", False), ("and density and direction besides", True)):
+        ours = min(seconds(resolve) for _ in range(3))
+        print(
+            f"\n{name}: {count / ours:.1f} Msegments/s per core, "
+            f"{peer / ours * count / (len(segments) / 1e6):.2f} times the accumulation alone in plain C++"
+        )
+
+
+def knit_fibers(pytestconfig: pytest.Config, side_mm: float) -> FiberSet:
+    """Of a square of knit cloth, cotton2 with loops and hairs."""
+    path = pytestconfig.rootpath / "configs" / "presets" / "fibers" / "cotton2.toml"
+    config = FibersConfig(**tomllib.loads(path.read_text(encoding="utf-8")))
+    return run(config, knit_yarns((side_mm, side_mm), stitch_width_mm=2.0))
+
+
+def test_time_grows_with_fiber_length(pytestconfig):
+    """The exponent of seconds against fiber length, over a factor of 64."""
+    lengths, times = [], []
+    for side in (10.0, 14.1, 20.0, 28.3, 40.0, 56.6, 80.0):
+        source = FiberSource(knit_fibers(pytestconfig, side))
+        config = VoxelizeConfig(voxel_size_mm=0.1)
+        plan = plan_tiles(config, source, checked_region(config, source), config.tile_voxels)
+        generated, best = 0, np.inf
+        for _ in range(3 if side < 50 else 1):
+            begin = time.process_time()
+            generated = sum(
+                fill_tiles(source, plan, lambda _, batch, length: length, workers=1, progress=None)
+            )
+            best = min(best, time.process_time() - begin)
+        lengths.append(sources.units_to_mm(generated) / 1000)
+        times.append(best)
+        print(f"\n{lengths[-1]:.1f} m of fiber: {best:.3f} CPU s", end="")
+    slope = np.polyfit(np.log(lengths), np.log(times), 1)[0]
+    print(f"\nslope over a factor of {lengths[-1] / lengths[0]:.0f}: {slope:.3f}")
 
 
 def test_two_workers_against_one(segments):

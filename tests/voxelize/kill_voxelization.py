@@ -17,8 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from weft.voxelize.accumulator import load_kernels
 from weft.voxelize.config import VoxelizeConfig
-from weft.voxelize.sources import SegmentSource, load_kernels
+from weft.voxelize.sources import SegmentSource
 from weft.voxelize.stream import parts_folder, stream_source
 
 CONFIG = VoxelizeConfig(voxel_size_mm=0.02, tile_voxels=32)

@@ -224,8 +224,9 @@ MEASURED = """
 import sys
 from pathlib import Path
 import numpy as np
+from weft.voxelize.accumulator import load_kernels
 from weft.voxelize.config import VoxelizeConfig
-from weft.voxelize.sources import SegmentSource, load_kernels
+from weft.voxelize.sources import SegmentSource
 from weft.voxelize.stream import stream_source
 rng = np.random.default_rng(0)
 start = rng.uniform(-15, 15, (60_000, 3)).astype(np.float32)
