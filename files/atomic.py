@@ -32,7 +32,7 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         _flush_to_disk(temporary)
         os.replace(temporary, path)
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             hint = "Free some and run again."
             raise DiskSpaceError("no space left on the disk.", path=path, hint=hint) from error
         if path.is_dir():

@@ -27,6 +27,12 @@ class InputError(Exception):
         super().__init__(message)
 
 
+class MergeError(InputError):
+    """Samples that do not belong together, or not all of them, or damaged ones. Exit code 3."""
+
+    exit_code = 3
+
+
 class DeviceMemoryError(InputError):
     """The job needs more memory than the device has. Exit code 4 where a device said so."""
 

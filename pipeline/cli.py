@@ -18,22 +18,19 @@ from weft.files.errors import DiskSpaceError, InputError
 
 from .commands import lobes, looking, machine, stages, view  # noqa: F401  each adds its commands to the app
 from .commands.app import app
+from .stop_requests import Terminated, raise_for
 
 DONE, WRONG_INPUT, NO_SPACE, INTERRUPTED, TERMINATED = 0, 2, DiskSpaceError.exit_code, 130, 143
 
 
-class _Terminated(Exception):
-    """SIGTERM, so that what is being written is cleaned up on the way out."""
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command and exit: 0 done, 2 wrong input, 4 device memory, 5 disk full, 130/143 interrupted."""
+    """Run a command and exit: 0 done, 2 input, 3 merge refused, 4 device, 5 disk, 130/143 interrupted."""
     sys.exit(exit_code(sys.argv[1:] if arguments is None else arguments))
 
 
 def exit_code(arguments: Sequence[str]) -> int:
     """The user's mistakes become one line on standard error; ours stay tracebacks."""
-    previous = signal.signal(signal.SIGTERM, _raise_terminated)
+    previous = signal.signal(signal.SIGTERM, raise_for)
     try:
         return _command(arguments)() or DONE
     except InputError as error:
@@ -42,10 +39,10 @@ def exit_code(arguments: Sequence[str]) -> int:
         return _complain(shown_paths(error), error.exit_code)
     except CycloptsError as error:
         return _complain(f"weft: {error} 'weft --help' lists the commands.", WRONG_INPUT)
-    except KeyboardInterrupt:
-        return _complain("weft: interrupted", INTERRUPTED)
-    except _Terminated:
-        return _complain("weft: terminated", TERMINATED)
+    except KeyboardInterrupt as stop:
+        return _complain(str(stop) or "weft: interrupted", INTERRUPTED)
+    except Terminated as stop:
+        return _complain(str(stop) or "weft: terminated", TERMINATED)
     except BrokenPipeError:
         sys.stderr.close()
         return DONE
@@ -60,10 +57,6 @@ def exit_code(arguments: Sequence[str]) -> int:
 def _command(arguments: Sequence[str]) -> Callable[[], Any]:
     command, bound, _ = app.parse_args(list(arguments), exit_on_error=False, print_error=False)
     return lambda: command(*bound.args, **bound.kwargs)
-
-
-def _raise_terminated(signal_number: int, frame: object) -> None:
-    raise _Terminated
 
 
 def _complain(message: str, code: int) -> int:

@@ -99,10 +99,12 @@ class ExportTable(_Table):
 
 
 class OutputTable(_Table):
-    """Where the results go."""
+    """Where the results go, and how often they are kept on the way."""
 
     folder: OutputPath | None = None
     """A folder below the job's own. Default: <job name>.out beside the job."""
+    checkpoint_s: float = Field(default=60.0, ge=0)
+    """Time between a picture's checkpoints, which --resume goes on from; they cost no bit of it."""
 
 
 class JobConfig(_Table):

@@ -35,18 +35,26 @@ class Outcome:
 
 
 def run_chain(
-    job: Job, chain: Chain, targets: Sequence[str], *, report: Reporter, force: bool = False
+    job: Job,
+    chain: Chain,
+    targets: Sequence[str],
+    *,
+    report: Reporter,
+    force: bool = False,
+    resume: bool = False,
 ) -> list[Outcome]:
     """Make the targets and all they need, skipping what is fresh."""
     with _alone_in(job.output, report):
         return [
-            _freshen(chain[name], part, chain, report, force=force)
+            _freshen(chain[name], part, chain, report, force=force, resume=resume)
             for name in needed(job, chain, targets)
             for part in chain[name].parts(job)
         ]
 
 
-def run_one(job: Job, chain: Chain, target: str, *, report: Reporter, force: bool = False) -> Outcome:
+def run_one(
+    job: Job, chain: Chain, target: str, *, report: Reporter, force: bool = False, resume: bool = False
+) -> Outcome:
     """Make one stage from the results of earlier stages as they are; they must exist.
 
     Of several results, what became of the last.
@@ -58,7 +66,8 @@ def run_one(job: Job, chain: Chain, target: str, *, report: Reporter, force: boo
             else:
                 _note_if_stale(chain[name], job, chain, report)
         stage = chain[target]
-        return [_freshen(stage, part, chain, report, force=force) for part in stage.parts(job)][-1]
+        parts = stage.parts(job)
+        return [_freshen(stage, part, chain, report, force=force, resume=resume) for part in parts][-1]
 
 
 def needed(job: Job, chain: Chain, targets: Sequence[str]) -> list[str]:
@@ -91,7 +100,9 @@ def input_files(stage: Stage, job: Job, chain: Chain) -> dict[str, Path]:
     return files
 
 
-def _freshen(stage: Stage, job: Job, chain: Chain, report: Reporter, *, force: bool = False) -> Outcome:
+def _freshen(
+    stage: Stage, job: Job, chain: Chain, report: Reporter, *, force: bool = False, resume: bool = False
+) -> Outcome:
     """Run the stage where it is stale."""
     inputs = input_files(stage, job, chain)
     key = stage_key(stage, job, inputs)
@@ -100,7 +111,7 @@ def _freshen(stage: Stage, job: Job, chain: Chain, report: Reporter, *, force: b
         report.note(f"{_shown_name(stage, job)}: fresh")
         return Outcome(stage.name, False, "")
     report.note(f"{_shown_name(stage, job)}: {'runs because' if force else 'stale because'} {why}")
-    _run(stage, job, inputs, key, report)
+    _run(stage, job, inputs, key, report, resume=resume)
     return Outcome(stage.name, True, why)
 
 
@@ -122,11 +133,13 @@ def _note_if_stale(stage: Stage, job: Job, chain: Chain, report: Reporter) -> No
         report.note(f"note: {next(iter(outputs))} is used as it is, but it is stale: {why}")
 
 
-def _run(stage: Stage, job: Job, inputs: Mapping[str, Path], key: StageKey, report: Reporter) -> None:
+def _run(
+    stage: Stage, job: Job, inputs: Mapping[str, Path], key: StageKey, report: Reporter, *, resume: bool
+) -> None:
     started, clock = datetime.datetime.now(datetime.UTC), time.monotonic()
     outputs = {name: job.output / file for name, file in stage.outputs(job).items()}
     with placed_in(job.document), report.work(stage.name) as progress:
-        stage_report = stage.work(StageWork(job, inputs, outputs, progress))
+        stage_report = stage.work(StageWork(job, inputs, outputs, progress, resume))
     seconds = time.monotonic() - clock
     write_record(
         job.output / stage.record_name(job),

@@ -23,6 +23,8 @@ class StageWork:
     outputs: Mapping[str, Path]
     """Where to write each result."""
     progress: Progress
+    resume: bool = False
+    """Whether to go on from a checkpoint, where the stage keeps any."""
 
 
 @dataclass(frozen=True)

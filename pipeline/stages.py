@@ -19,9 +19,10 @@ from weft.files.errors import InputError
 from .cache import stamp_of
 from .fit_stage import FIT
 from .job import Job
-from .messages import JobErrors, Problem, did_you_mean
+from .messages import JobErrors, Problem, did_you_mean, shown
 from .pictures_of import jobs_of_pictures, picture_files
 from .stage import Progress, Stage, StageInput, StageWork
+from .stop_requests import StopRequests
 
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from weft.fiber_model.yarns.yarns import YarnSet
     from weft.voxelize.grid import FiberVolume
 
+CHECKPOINT_SUFFIX = ".checkpoint.exr"
+"""After the name of the picture."""
 FIBERS_SHARE = 0.1
 """Part of the progress of `voxelize` and `fibers` that goes to laying out the fibers."""
 
@@ -140,14 +143,21 @@ def make_scattering(work: StageWork) -> dict[str, Any]:
 
 
 def make_image(work: StageWork) -> dict[str, Any]:
+    from weft.renderer.exposure import Keeping
     from weft.renderer.render import run, save
 
     from .scattering_file import read_scattering
 
     volume = _kept_volume(work.inputs["volume"], stamp_of(work.inputs["volume"]).sha256)
     lobes = media_scattering(work.job, read_scattering(work.inputs["scattering"]), volume)
-    result = run(work.job.table("render"), volume, lobes, progress=work.progress)
-    save(result, work.outputs["image"])
+    checkpoint, stopping = work.outputs["image"].with_suffix(CHECKPOINT_SUFFIX), StopRequests()
+    keeping = Keeping(checkpoint, work.job.config.output.checkpoint_s, work.resume)
+    table = work.job.table("render")
+    result = run(table, volume, lobes, progress=work.progress, keeping=keeping, stopping=stopping)
+    if result.complete or result.layers["samples"].any():
+        save(result, work.outputs["image"])
+    if not result.complete:
+        stopping.obey(f"weft: stopped; what is done is in {shown(checkpoint)}, and --resume goes on from it")
     statistics = result.statistics
     _, _, width, height = result.config.window
     return {

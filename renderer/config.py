@@ -209,6 +209,8 @@ class RenderConfig(Settings):
     """Width and height in pixels; at most 33 million pixels, whose sums take 5 GiB."""
     samples_per_pixel: int = Field(default=32, ge=1, le=2**24)
     """Paths per pixel."""
+    block_samples: int = Field(default=16, ge=1, le=4096)
+    """Samples of a pixel that are summed together, a power of two: the least that shares differ by."""
     noise: float | None = Field(default=None, gt=0, lt=1)
     """Stop at about this standard error of a pixel, relative to the picture's mean, in root mean square."""
     time_s: float | None = Field(default=None, gt=0)
@@ -267,6 +269,14 @@ class RenderConfig(Settings):
         if resolution[0] * resolution[1] > MAX_PIXELS:
             raise ValueError(f"{resolution[0]} x {resolution[1]} pixels; at most {MAX_PIXELS} in all")
         return resolution
+
+    @field_validator("block_samples")
+    @classmethod
+    def _power_of_two(cls, block_samples: int) -> int:
+        if block_samples & (block_samples - 1):
+            nearest = 1 << (block_samples.bit_length() - 1)
+            raise ValueError(f"{block_samples} is no power of two; {nearest} is")
+        return block_samples
 
     @model_validator(mode="after")
     def _crop_lies_in_the_picture(self) -> RenderConfig:

@@ -13,28 +13,32 @@ PIXELS_PER_CHUNK = 1 << 18
 
 @dataclass
 class Film:
-    """Sums per pixel in float64, in the order of shaders/film/film.glsl, shape [layers, pixel_count, 4]."""
+    """Sums per pixel in float64, in the order of shaders/film/film.glsl, shape [layers, pixel_count, 4].
+
+    `samples` in them: of all pixels, or of each, shape [pixel_count], where a run was interrupted.
+    """
 
     width: int
     height: int
     sums: np.ndarray
     filtered: bool = False
     """Whether samples are weighed by a filter: radiance and opacity by it, first scatterings equally."""
-    samples: int = 0
+    samples: int | np.ndarray = 0
 
     @classmethod
     def empty(cls, width: int, height: int, *, layers: int = FILM_LAYERS, filtered: bool = False) -> Film:
         return cls(width, height, np.zeros((layers, width * height, 4)), filtered)
 
-    def add(self, first_pixel: int, sums: np.ndarray) -> None:
-        """Add the sums of one pass over some pixels."""
-        self.sums[:, first_pixel : first_pixel + sums.shape[1]] += sums
+    @property
+    def fewest_samples(self) -> int:
+        """Samples that every pixel has."""
+        return int(np.min(self.samples))
 
     def relative_error(self) -> float:
         """Standard error of a pixel's green, in root mean square over the picture, relative to its mean."""
-        n = self.samples
+        n = np.maximum(self.samples, 1)
         mean = self.sums[0, :, 1] / n
-        variance = np.maximum(self.sums[1, :, 1] / n - mean**2, 0) / max(n - 1, 1)
+        variance = np.maximum(self.sums[1, :, 1] / n - mean**2, 0) / np.maximum(n - 1, 1)
         return float(np.sqrt(variance.mean()) / max(mean.mean(), 1e-30))
 
     def layers(self, voxel_size_mm: float) -> dict[str, np.ndarray]:
@@ -45,11 +49,12 @@ class Film:
         where camera rays first scatter. N: mean normal of the surfaces that camera rays meet
         first, toward the camera. samples, cut: how many paths, and how many of them `max_bounces` cut.
         """
-        n = self.samples
-        radiance = self.sums[0, :, :3] / n
+        samples = np.broadcast_to(self.samples, self.sums.shape[1])
+        n = np.maximum(samples, 1)
+        radiance = self.sums[0, :, :3] / n[:, None]
         opacity = (self.sums[4, :, 0] if self.filtered else self.sums[0, :, 3]) / n
-        squares = self.sums[1, :, :3] / n
-        variance = np.maximum(squares - radiance**2, 0) / max(n - 1, 1)
+        squares = self.sums[1, :, :3] / n[:, None]
+        variance = np.maximum(squares - radiance**2, 0) / np.maximum(n - 1, 1)[:, None]
         hits = self.sums[0, :, 3]
         safe = np.maximum(hits, 1)
         depth = np.where(hits > 0, self.sums[1, :, 3] / safe * voxel_size_mm, np.inf)
@@ -60,7 +65,7 @@ class Film:
             **_named(("albedo.R", "albedo.G", "albedo.B"), self.sums[3, :, :3] / safe[:, None]),
             **_named(("T.X", "T.Y", "T.Z"), self._axes()),
             "Z": depth,
-            "samples": np.full(len(depth), float(n)),
+            "samples": samples,
             "cut": self.sums[4, :, 1],
         }
         if len(self.sums) == SURFACE_FILM_LAYERS:

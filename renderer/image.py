@@ -7,8 +7,11 @@ contiguous copies on the way out, and a check of what was written.
 from __future__ import annotations
 
 import errno
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,13 +29,11 @@ def write_exr(path: str | Path, channels: Mapping[str, np.ndarray], attributes: 
     arrays = {name: np.ascontiguousarray(data, np.float32) for name, data in channels.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
     with atomic_write(path) as temporary:
-        try:
-            with OpenEXR.File(header, dict(arrays)) as file:  # it replaces the dict's values
-                file.write(str(temporary))
-        except RuntimeError as error:
-            # OpenEXR has no error numbers; a full disk has its own exit code
-            number = errno.ENOSPC if "No space left" in str(error) else errno.EIO
-            raise OSError(number, f"OpenEXR could not write {path}: {error}") from error
+        with (
+            _errors_of_writing(path),
+            OpenEXR.File(header, dict(arrays)) as file,
+        ):  # it replaces the dict's values
+            file.write(str(temporary))
         written, _ = read_exr(temporary)
         for name, data in arrays.items():
             if not np.array_equal(written[name], data, equal_nan=True):
@@ -56,6 +57,75 @@ def read_exr(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, object]
             return channels, dict(part.header)
     except RuntimeError as error:
         raise InputError(f"not a readable OpenEXR file: {error}.", path=path) from error
+
+
+@dataclass(frozen=True)
+class ExrPart:
+    """One of several pictures in a file; channels float32 or uint32, shape [height, width]."""
+
+    name: str
+    channels: Mapping[str, np.ndarray]
+    attributes: Mapping[str, object]
+    corner: tuple[int, int] = (0, 0)
+    """Left and top [pixels]."""
+
+
+def write_parts(path: Path, parts: Sequence[ExrPart]) -> None:
+    """Write several parts, uncompressed. Not atomic, and not read back: the caller does both."""
+    import OpenEXR
+
+    heights = [next(iter(part.channels.values())).shape for part in parts]
+    width = max(part.corner[0] + shape[1] for part, shape in zip(parts, heights, strict=True))
+    height = max(part.corner[1] + shape[0] for part, shape in zip(parts, heights, strict=True))
+    display = _box((0, 0), (height, width))
+    written = []
+    for part, shape in zip(parts, heights, strict=True):
+        header = {
+            "compression": OpenEXR.NO_COMPRESSION,
+            "type": OpenEXR.scanlineimage,
+            "dataWindow": _box(part.corner, shape),
+            "displayWindow": display,
+            **part.attributes,
+        }
+        channels = {name: np.ascontiguousarray(data) for name, data in part.channels.items()}
+        written.append(OpenEXR.Part(header, channels, part.name))
+    with _errors_of_writing(path), OpenEXR.File(written) as file:
+        file.write(str(path))
+
+
+def read_parts(path: str | Path, *, header_only: bool = False) -> dict[str, ExrPart]:
+    """The parts of a file by name. Raises `InputError` for what is not one."""
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(str(path), separate_channels=True, header_only=header_only) as file:
+            if not file.parts:
+                raise InputError("an OpenEXR file without readable parts.", path=path)
+            return {part.name(): _part(part) for part in file.parts}
+    except RuntimeError as error:
+        raise InputError(f"not a readable OpenEXR file: {error}.", path=path) from error
+
+
+def _part(part: Any) -> ExrPart:
+    left, top = part.header["dataWindow"][0]
+    channels = {name: channel.pixels for name, channel in part.channels.items()}
+    return ExrPart(part.name(), channels, dict(part.header), (int(left), int(top)))
+
+
+def _box(corner: tuple[int, int], shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    low = np.array(corner, np.int32)
+    return low, low + np.array([shape[1] - 1, shape[0] - 1], np.int32)
+
+
+@contextmanager
+def _errors_of_writing(path: str | Path) -> Iterator[None]:
+    """OpenEXR has no error numbers; a full disk has its own exit code."""
+    try:
+        yield
+    except RuntimeError as error:
+        full = any(reason in str(error) for reason in ("No space left", "File too large", "quota exceeded"))
+        number = errno.ENOSPC if full else errno.EIO
+        raise OSError(number, f"OpenEXR could not write {path}: {error}") from error
 
 
 def read_rgb(path: str | Path) -> np.ndarray:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import moderngl
 import numpy as np
 
 from weft.files.errors import DeviceMemoryError
 
+from .batches import RenderBatch
 from .brick_pool import BrickPool
 from .gpu import buffers
 from .gpu.programs import compute_program, set_uniforms
 from .pager import BrickPager, pool_capacity
+from .passes import MODE_IDLE, MODE_PARKED, Pass, PassState, Window, range_window, window_ranges
 from .scene import Scene
 
 GROUP_SIZE = 64
@@ -43,9 +46,6 @@ LOOP_BUDGET = 16_384
 """Iterations of all loops per invocation and dispatch; llvmpipe silently stops a shader's loops at 65,535."""
 SLOWEST_SAMPLING_LOOP = 8
 """Iterations of the phase function's rejection loop that the budget allows for, per round, on average."""
-MODE_IDLE = 4
-SAMPLES_PER_PASS = 256
-"""Samples summed in 32 bits on the device before they are added in 64 bits here."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,8 @@ class KernelOptions:
     dispatch_seconds: float = 0.15
     rows_per_pass: int | None = None
     """Rows of the picture whose sums are on the device at once; unset: about a million pixels."""
+    blocks_per_pass: int | None = None
+    """Blocks of samples that are done together; unset: as many as have room in `FILM_BYTES`."""
 
 
 @dataclass
@@ -99,6 +101,10 @@ class Kernel:
         self.lane_count = -(-self.lane_count // GROUP_SIZE) * GROUP_SIZE
         self.rounds = min(self.options.rounds_per_dispatch or 4, self.most_rounds)
         self.lights, self.media = self._upload_lights(), self._upload_media()
+        self.film: moderngl.Buffer | None = None
+        self.work = Pass((0, 0, 0, 0), range(0))
+        self.busy = False
+        self.batches: dict[Window, RenderBatch] = {}
         self._upload()
         self.program = self._compile()
         set_uniforms(self.program, self.scene.uniforms() | {"lane_count": self.lane_count})
@@ -108,6 +114,7 @@ class Kernel:
         before, self.scene = self.scene, scene
         if self.pager is not None:
             self.pager.change(scene)
+            self.batches = {}
         if scene.light_table is not before.light_table:
             self.lights.release()
             self.lights = self._upload_lights()
@@ -122,57 +129,104 @@ class Kernel:
             self.program = self._compile()
         set_uniforms(self.program, scene.uniforms() | {"lane_count": self.lane_count})
 
-    def trace(self, rows: range, samples: range, *, tick: Callable[[int], None] | None = None) -> np.ndarray:
-        """Film sums over `samples` of some rows of the picture, float32, shape [layer_count, pixel_count, 4].
+    def trace(self, work: Pass, *, tick: Callable[[int], None] | None = None) -> np.ndarray:
+        """Film sums of a pass from its beginning to its end; see `sums`.
 
         `tick` is called after each dispatch with the number of samples finished since the last call.
         """
-        left, _, width, _ = self.scene.config.window
-        columns = range(left, left + width)
-        if self.pager is None:
-            return self._trace_part(columns, rows, samples, tick)
-        film = np.empty((self.scene.film_layers, len(rows), width, 4), np.float32)
-        for batch in self.pager.batches(columns, rows):
-            self.pager.begin(batch)
-            part = self._trace_part(batch.columns, batch.rows, samples, tick)
-            top, first = batch.rows.start - rows.start, batch.columns.start - left
-            film[:, top : top + len(batch.rows), first : first + len(batch.columns)] = part.reshape(
-                len(film), len(batch.rows), len(batch.columns), 4
-            )
-        self.counts.brick_uploads, self.counts.bricks_used = self.pager.uploads, self.pager.bricks_used
-        return film.reshape(len(film), -1, 4)
+        self.begin(work)
+        while self.busy:
+            finished = self.advance()
+            if tick:
+                tick(finished)
+        return self.sums()
 
-    def _trace_part(
-        self, columns: range, rows: range, samples: range, tick: Callable[[int], None] | None
-    ) -> np.ndarray:
-        """`trace` of a rectangle of pixels."""
-        pixel_count = len(columns) * len(rows)
-        layers = self.scene.film_layers
-        film = buffers.reserve(self.context, layers * pixel_count * 16, name="the film")
-        film.clear()
-        film.bind_to_storage_buffer(3)
-        self.states.write(self._idle_states())
-        self.counters.clear()
+    def tiles(self, window: Window) -> list[Window]:
+        """Parts of a window to be traced one after the other: those whose bricks fit the device's pool."""
+        if self.pager is None:
+            return [window]
+        batches = {range_window(b.columns, b.rows): b for b in self.pager.batches(*window_ranges(window))}
+        self.batches |= batches
+        return list(batches)
+
+    def _load_bricks(self, window: Window) -> None:
+        """What a tile sees; of other windows the first tile, since what is missing comes when it is wanted."""
+        if self.pager is None:
+            return
+        batch = self.batches.get(window) or self.pager.batches(*window_ranges(window))[0]
+        self.pager.begin(batch)
+        self.counts.brick_uploads, self.counts.bricks_used = self.pager.uploads, self.pager.bricks_used
+
+    def begin(self, work: Pass, sums: np.ndarray | None = None) -> None:
+        """Start a pass; `sums`: of earlier samples of its first block, [layer_count, pixel_count, 4]."""
+        film = np.zeros((self._block_count(work), self.scene.film_layers, work.pixel_count, 4), np.float32)
+        if sums is not None:
+            film[0] = sums
+        self._start(PassState(work, film, self._idle_states(), 0, self._image_width))
+
+    def restore(self, state: PassState) -> bool:
+        """Go on with a pass that was begun; false where it ran with other lanes than there are here."""
+        if state.lanes.shape != (self.state_words, self.lane_count, 4):
+            return False
+        lanes = state.lanes.copy()
+        lanes[5, :, 3] &= MODE_PARKED - 1  # whoever waited for a brick tries again
+        self._start(replace(state, lanes=lanes))
+        return True
+
+    def sums(self) -> np.ndarray:
+        """Film sums so far of each block of the pass, float32, [block_count, layer_count, pixel_count, 4]."""
+        assert self.film is not None
+        shape = (self._block_count(self.work), self.scene.film_layers, self.work.pixel_count, 4)
+        return buffers.read(self.film, np.float32)[: math.prod(shape)].reshape(shape)
+
+    def state(self) -> PassState:
+        """All that continues the pass bit by bit, also in another process on the same device."""
+        lanes = buffers.read(self.states, np.uint32).reshape(self.state_words, self.lane_count, 4)
+        taken = int(buffers.read(self.counters, np.uint32)[0])
+        return PassState(self.work, self.sums(), lanes, taken, self._image_width)
+
+    @property
+    def _image_width(self) -> int:
+        return self.scene.config.resolution[0]
+
+    def _block_count(self, work: Pass) -> int:
+        return len(work.blocks(self.scene.config.block_samples))
+
+    def _start(self, state: PassState) -> None:
+        work = self.work = state.work
+        self._load_bricks(work.window)
+        self._fill_film(state.sums)
+        self.states.write(np.ascontiguousarray(state.lanes))
+        self.counters.write(np.array([state.taken, *[0] * WAITING_LANES], np.uint32))
         self._bind()
+        blocks = work.blocks(self.scene.config.block_samples)
+        left, top, width, height = work.window
         set_uniforms(
             self.program,
             {
-                "first_column": columns.start,
-                "column_count": len(columns),
-                "first_row": rows.start,
-                "row_count": len(rows),
-                "sample_begin": samples.start,
-                "sample_end": samples.stop,
+                "first_column": left,
+                "column_count": width,
+                "first_row": top,
+                "row_count": height,
+                "sample_begin": work.samples.start,
+                "sample_end": work.samples.stop,
+                "block_shift": self.scene.config.block_samples.bit_length() - 1,
+                "first_block": blocks.start,
+                "block_count": len(blocks),
             },
         )
-        while self._dispatch(tick):
-            pass
-        sums = buffers.read(film, np.float32).reshape(layers, pixel_count, 4)
-        film.release()
-        return sums
+        self.busy = True
 
-    def _dispatch(self, tick: Callable[[int], None] | None) -> bool:
-        """One dispatch; true while lanes are at work."""
+    def _fill_film(self, sums: np.ndarray) -> None:
+        if self.film is None or self.film.size < sums.nbytes:
+            if self.film is not None:
+                self.film.release()
+                self.film = None
+            self.film = buffers.reserve(self.context, sums.nbytes, name="the film")
+        self.film.write(np.ascontiguousarray(sums))
+
+    def advance(self) -> int:
+        """One dispatch; the number of samples it finished. `busy` says whether the pass needs another."""
         started = time.perf_counter()
         self.program["round_count"] = self.rounds
         self.program.run(self.lane_count // GROUP_SIZE)
@@ -184,14 +238,14 @@ class Kernel:
         if self.pager is not None and values[WAITING_LANES]:
             self.counts.waiting_lanes += int(values[WAITING_LANES])
             self.pager.serve(self._wanted_bricks())
+            self.counts.brick_uploads, self.counts.bricks_used = self.pager.uploads, self.pager.bricks_used
         for name, value in zip(COUNTERS[1:], values[1:], strict=False):
             setattr(self.counts, name, getattr(self.counts, name) + int(value))
         self.counts.dispatches += 1
         self.counts.longest_dispatch_seconds = max(self.counts.longest_dispatch_seconds, seconds)
         self._adapt(seconds)
-        if tick:
-            tick(int(values[3]))
-        return bool(values[BUSY_LANES])
+        self.busy = bool(values[BUSY_LANES])
+        return int(values[3])
 
     def _wanted_bricks(self) -> np.ndarray:
         """What each lane waits for, uint32, shape [lane_count]."""
@@ -258,15 +312,15 @@ class Kernel:
             self.cells,
             self.bricks,
             self.states,
-            None,
+            self.film,
             self.lights,
             self.counters,
             self.media,
             *self.pages,
         )
         for binding, buffer in enumerate(named):
-            if buffer is not None:
-                buffer.bind_to_storage_buffer(binding)
+            assert buffer is not None
+            buffer.bind_to_storage_buffer(binding)
 
     def _idle_states(self) -> np.ndarray:
         states = np.zeros((self.state_words, self.lane_count, 4), np.uint32)
@@ -308,6 +362,8 @@ class Kernel:
             *self.pages,
         ):
             buffer.release()
+        if self.film is not None:
+            self.film.release()
         self.program.release()
 
 

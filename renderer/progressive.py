@@ -17,6 +17,7 @@ from weft.voxelize.grid import FiberVolume
 from .camera import CameraFrame
 from .config import Light, RenderConfig
 from .kernel import Kernel, KernelOptions
+from .passes import Pass
 from .scene import Scattering, Scene, build_phase_table, build_scene, lit_scene
 
 FIRST_SECONDS = 0.15
@@ -65,7 +66,9 @@ class ProgressiveRender:
         from .gpu.context import shared_context
 
         self.media, self.bounds_mm = volume.media, np.asarray(volume.bounds_mm)
-        config = config.model_copy(update={"crop": None, "noise": None, "time_s": None})
+        config = config.model_copy(
+            update={"crop": None, "noise": None, "time_s": None, "block_samples": 4096}
+        )
         self.scene = build_scene(config, volume, scattering)
         self.kernel = Kernel(shared_context(), self.scene, options or KernelOptions(dispatch_seconds=0.05))
         self.paths_per_second = FIRST_GUESS
@@ -129,7 +132,7 @@ class ProgressiveRender:
             if stop():
                 raise _Stopped
 
-        sums = self.kernel.trace(range(size[1]), samples, tick=tick)[:2]
+        sums = self.kernel.trace(Pass((0, 0, *size), samples), tick=tick).sum(axis=0)[:2]
         seconds = max(time.perf_counter() - started, 1e-6)
         self.paths_per_second = len(samples) * size[0] * size[1] / seconds
         return sums

@@ -29,6 +29,8 @@ class RunOptions:
 
     force: Annotated[bool, Parameter(negative=())] = False
     """Run even what is fresh."""
+    resume: Annotated[bool, Parameter(negative=())] = False
+    """Go on from the picture's checkpoint, where there is one; its bits are those of a run never stopped."""
     progress: ShowProgress = "auto"
     """Bars on a terminal and plain lines elsewhere, or one JSON object a line on standard output."""
 

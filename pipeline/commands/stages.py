@@ -39,7 +39,7 @@ def run(
     fitted = run_fit_first(job, overrides, options.output, report=report, force=how.force)
     loaded = load(job, overrides, options.output)
     names = [name for name in targets(loaded) if not (fitted and name == "fit")]
-    run_chain(loaded, CHAIN, names, report=report, force=how.force)
+    run_chain(loaded, CHAIN, names, report=report, force=how.force, resume=how.resume)
 
 
 def _run_stage(name: str, job: Path, options: JobOptions, how: RunOptions) -> None:
@@ -54,6 +54,7 @@ def _run_stage(name: str, job: Path, options: JobOptions, how: RunOptions) -> No
         name,
         report=reporter(how.progress),
         force=how.force,
+        resume=how.resume,
     )
 
 

@@ -11,6 +11,7 @@ from weft.renderer.config import DirectionalLight, PerspectiveCamera, RenderConf
 from weft.renderer.gpu.context import shared_context
 from weft.renderer.gpu.programs import compute_program
 from weft.renderer.kernel import LOOP_BUDGET, Kernel, KernelOptions
+from weft.renderer.passes import Pass
 from weft.renderer.render import run
 from weft.renderer.scene import build_scene
 
@@ -22,6 +23,7 @@ pytestmark = pytest.mark.gl
 CONFIG = RenderConfig(
     resolution=(24, 20),
     samples_per_pixel=5,
+    block_samples=2,
     seed=9,
     lights=[StudioLight(), DirectionalLight(direction=(1, 2, 3))],
     camera=PerspectiveCamera(view_direction=(0.2, 0.3, 1.0)),
@@ -53,6 +55,8 @@ def usual():
         {"steps_per_round": 1},
         {"steps_per_round": 5, "lane_count": 128},
         {"rows_per_pass": 3},
+        {"blocks_per_pass": 1},
+        {"blocks_per_pass": 3, "rows_per_pass": 7},
     ],
     ids=str,
 )
@@ -84,11 +88,12 @@ def test_every_pixel_gets_its_samples(usual):
 def test_more_samples_continue_the_same_sequence():
     """The mean of 4 samples is that of samples 0..1 and 2..3."""
     scene = build_scene(
-        CONFIG.model_copy(update={"samples_per_pixel": 4}), volume(*GRIDS), {"a": TABLE["reference"]}
+        CONFIG.model_copy(update={"block_samples": 4}), volume(*GRIDS), {"a": TABLE["reference"]}
     )
     kernel = Kernel(shared_context(), scene, KernelOptions(lane_count=256))
-    parts = [kernel.trace(range(20), range(0, 2)), kernel.trace(range(20), range(2, 4))]
-    whole = kernel.trace(range(20), range(0, 4))
+    window = (0, 0, 24, 20)
+    parts = [kernel.trace(Pass(window, range(0, 2))), kernel.trace(Pass(window, range(2, 4)))]
+    whole = kernel.trace(Pass(window, range(0, 4)))
     np.testing.assert_allclose(parts[0] + parts[1], whole, rtol=1e-5, atol=1e-6)
     kernel.release()
 
@@ -102,7 +107,7 @@ def test_loops_of_a_dispatch_stay_within_the_budget():
     for rounds in (1, None):
         kernel = Kernel(shared_context(), scene, KernelOptions(lane_count=64, rounds_per_dispatch=rounds))
         kernel.rounds = rounds or kernel.most_rounds
-        sums.append(kernel.trace(range(8), range(32)))
+        sums.append(kernel.trace(Pass((0, 0, 8, 8), range(32))))
         assert kernel.counts.samples == 64 * 32
         kernel.release()
     assert kernel.most_rounds * (KernelOptions().steps_per_round + 1) <= LOOP_BUDGET

@@ -41,9 +41,9 @@ void finish_sample(inout Path p) {
     float weight;
     sample_place(p.rng, weight);
     radiance *= weight;
-    film_add_filtered_opacity(film_pixel(p.rng.x), weight * opacity);
+    film_add_filtered_opacity(film_place(p.rng.xy), weight * opacity);
 #endif
-    film_add_sample(film_pixel(p.rng.x), radiance, opacity);
+    film_add_sample(film_place(p.rng.xy), radiance, opacity);
     finished_samples += 1u;
     p.mode = MODE_IDLE;
 }
@@ -82,18 +82,20 @@ void start_camera_ray(inout Path p) {
 #endif
 }
 
-// The next sample of the lane's pixel, or the first one of the next pixel nobody has taken.
+// The next sample of the lane's block of a pixel, or the first one of the next block nobody has taken: all pixels of a
+// block of samples come before those of the next block.
 void start_sample(inout Path p) {
     p.rng.y += 1u;
-    if (p.rng.x == NO_PIXEL || p.rng.y >= sample_end) {
+    bool block_done = (p.rng.y & ((1u << block_shift) - 1u)) == 0u || p.rng.y >= sample_end;
+    if (p.rng.x == NO_PIXEL || block_done) {
         uint taken = atomicAdd(counters[COUNTER_PIXEL], 1u);
-        if (taken >= film_pixel_count()) {
+        if (taken >= film_pixel_count() * block_count) {
             p.rng.x = NO_PIXEL;
             p.mode = MODE_DONE;
             return;
         }
-        p.rng.x = nth_pixel(taken);
-        p.rng.y = sample_begin;
+        p.rng.x = nth_pixel(taken % film_pixel_count());
+        p.rng.y = max(sample_begin, (first_block + taken / film_pixel_count()) << block_shift);
     }
     start_camera_ray(p);
 }

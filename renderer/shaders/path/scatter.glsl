@@ -31,7 +31,7 @@ void roulette(inout Path p, uint bits) {
 
 void cut_path(inout Path p) {
     cut_paths += 1u;
-    film_add_cut(film_pixel(p.rng.x));
+    film_add_cut(film_place(p.rng.xy));
     p.mode = MODE_ESCAPED;
     p.throughput = vec3(0.0);
 }
@@ -43,7 +43,7 @@ void scatter(inout Path p) {
     mat3 frame = fiber_frame(axis);
     Phase phase = phase_at(medium, -p.direction * frame);
     if (p.bounce == 0u) {
-        film_add_first_scattering(film_pixel(p.rng.x), p.t, axis, phase_albedo(phase));
+        film_add_first_scattering(film_place(p.rng.xy), p.t, axis, phase_albedo(phase));
     }
     if (p.bounce >= max_bounces) {
         cut_path(p);

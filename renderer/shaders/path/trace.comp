@@ -24,10 +24,14 @@ uniform uint seed;
 uniform uvec2 image_size;
 uniform uint first_row;  // of this pass
 uniform uint row_count;
-uniform uint first_column;  // of the part of the picture that is rendered
+uniform uint first_column;  // of this pass
 uniform uint column_count;
 uniform uint sample_begin;
 uniform uint sample_end;
+uniform uint block_shift;    // blocks of 2^block_shift samples are summed apart
+uniform uint first_block;    // of this pass
+uniform uint block_count;
+uniform uint film_layers;
 uniform uint max_bounces;
 uniform uint roulette_start;
 uniform float start_offset;  // of segments after a scattering event [voxels]
@@ -59,14 +63,15 @@ uint cut_paths = 0u;
 uint broken_samples = 0u;
 uint majorant_violations = 0u;
 
-// Where a pixel's sums lie among those of this pass.
-uint film_pixel(uint pixel) {
-    uint row = pixel / image_size.x;
-    return (row - first_row) * column_count + (pixel - row * image_size.x - first_column);
-}
-
 uint film_pixel_count() {
     return row_count * column_count;
+}
+
+// Where the sums of (pixel, sample) lie among those of this pass: block by block, the layers of a block together.
+uint film_place(uvec2 key) {
+    uint row = key.x / image_size.x;
+    uint pixel = (row - first_row) * column_count + (key.x - row * image_size.x - first_column);
+    return ((key.y >> block_shift) - first_block) * film_layers * film_pixel_count() + pixel;
 }
 
 // The n-th pixel of this pass: column by column in strips of 16 rows, so that paths at work at the same time lie near
