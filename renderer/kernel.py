@@ -150,7 +150,7 @@ class Kernel:
         return list(batches)
 
     def _load_bricks(self, window: Window) -> None:
-        """What a tile sees; of other windows the first tile, since what is missing comes when it is wanted."""
+        """What a tile sees; of other windows what their first tile sees, the rest when it is wanted."""
         if self.pager is None:
             return
         batch = self.batches.get(window) or self.pager.batches(*window_ranges(window))[0]
