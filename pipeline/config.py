@@ -15,7 +15,7 @@ from weft.fiber_model.yarns.config import YarnsConfig
 from weft.files.input_file import InputFile, OutputPath
 from weft.fitting.config import FitConfig
 from weft.renderer.config import Camera, RenderConfig
-from weft.voxelize.config import VoxelizeConfig
+from weft.voxelize.config import ForeignVolumeConfig, VoxelizeConfig
 
 from .job import Job, load_job
 from .presets import FAMILIES
@@ -53,6 +53,8 @@ class RenderTable(RenderConfig):
 
     volume: InputFile | None = None
     """A .vdb or .nvdb file to render in place of the one that [voxelize] makes."""
+    foreign: ForeignVolumeConfig | None = None
+    """How to read `volume` where it is a .vdb file that another program wrote, such as Houdini or Blender."""
     cameras: tuple[Camera, ...] = Field(default=(), max_length=256)
     """Several pictures in place of one: cameras with names, whose pictures are JOB.NAME.exr."""
     turntable: Turntable | None = None
@@ -72,6 +74,12 @@ class RenderTable(RenderConfig):
             raise ValueError("render.camera.orbit_axis must be the turntable's axis")
         if self.cameras and not self.turntable and "camera" in self.model_fields_set:
             raise ValueError("[render.camera] has no effect beside [[render.cameras]]; make it one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _foreign_needs_a_volume(self) -> RenderTable:
+        if self.foreign is not None and (self.volume is None or self.volume.suffix.lower() != ".vdb"):
+            raise ValueError("foreign has no effect unless 'volume' names a .vdb file")
         return self
 
 

@@ -276,6 +276,12 @@ def _vertex(words: list[str], path: Path, line: int) -> np.ndarray:
 def _volume(path: Path) -> Facts:
     from .stages import load_volume
 
+    if path.suffix.lower() == ".vdb":
+        from weft.voxelize.vdb import is_from_weft, read_summaries
+
+        summaries = read_summaries(path)
+        if not is_from_weft(summaries):
+            return _foreign_facts(summaries)
     volume = load_volume(path)
     media = {
         name: {
@@ -295,6 +301,29 @@ def _volume(path: Path) -> Facts:
         **{name.replace("_", " "): value for name, value in volume.about.items()},
         # reading refuses files whose content and hash disagree
         "content hash": volume.content_sha256,
+    }
+
+
+def _foreign_facts(summaries: list[dict[str, Any]]) -> Facts:
+    """Of a .vdb file of another program, in the unit of the file."""
+    grids = {}
+    for index, grid in enumerate(summaries):
+        matrix = np.array(grid["index_to_world"]).reshape(-1, 4)
+        sizes = np.linalg.norm(matrix[:3, :3], axis=1).tolist() if len(matrix) == 4 else []
+        grids[grid["name"] or f"(grid {index})"] = {
+            "type": grid["type"],
+            "class": grid["metadata"].get("class", "unknown"),
+            "voxel size [file units]": sizes[0] if sizes and np.ptp(sizes) < 1e-6 * sizes[0] else sizes,
+            **{
+                name: grid["metadata"][name]
+                for name in ("creator", "file_voxel_count")
+                if name in grid["metadata"]
+            },
+        }
+    return {
+        "content": "volume of another program",
+        "grids": grids,
+        "to render it": "[render.foreign] with fiber_radius_mm; density, direction where names are unusual",
     }
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
     from weft.fiber_model.scattering.parameters import FiberScatteringParameters
     from weft.fiber_model.yarns.yarns import YarnSet
+    from weft.voxelize.config import ForeignVolumeConfig
     from weft.voxelize.grid import FiberVolume
 
 CHECKPOINT_SUFFIX = ".checkpoint.exr"
@@ -97,7 +98,7 @@ def make_volume(work: StageWork) -> dict[str, Any]:
     volume = voxelize_to_files(
         work.job.table("voxelize"),
         fibers,
-        [path for name, path in work.outputs.items() if " level " not in name],
+        [path for name, path in work.outputs.items() if " level " not in name and name != "picture"],
         progress=_part(work.progress, FIBERS_SHARE, 1.0),
     )
     report = volume.report
@@ -148,7 +149,8 @@ def make_image(work: StageWork) -> dict[str, Any]:
 
     from .scattering_file import read_scattering
 
-    volume = _kept_volume(work.inputs["volume"], stamp_of(work.inputs["volume"]).sha256)
+    path = work.inputs["volume"]
+    volume = _kept_volume(path, stamp_of(path).sha256, work.job.table("render").foreign)
     lobes = media_scattering(work.job, read_scattering(work.inputs["scattering"]), volume)
     checkpoint, stopping = work.outputs["image"].with_suffix(CHECKPOINT_SUFFIX), StopRequests()
     keeping = Keeping(checkpoint, work.job.config.output.checkpoint_s, work.resume)
@@ -203,13 +205,17 @@ def without_native_stderr() -> Iterator[None]:
 
 
 @lru_cache(maxsize=1)
-def _kept_volume(path: Path, sha256: str) -> FiberVolume:
+def _kept_volume(path: Path, sha256: str, foreign: ForeignVolumeConfig | None) -> FiberVolume:
     """A volume is read once for all pictures of a run."""
-    return load_volume(path)
+    return load_volume(path, foreign)
 
 
-def load_volume(path: Path) -> FiberVolume:
-    """By its suffix. Raises `InputError` where it is neither .vdb nor .nvdb."""
+def load_volume(path: Path, foreign: ForeignVolumeConfig | None = None) -> FiberVolume:
+    """By its suffix; `foreign` for what another program wrote. `InputError` for other kinds of file."""
+    if foreign is not None:
+        from weft.voxelize.foreign import read_foreign
+
+        return read_foreign(path, foreign)
     if path.suffix == ".nvdb":
         from weft.voxelize.nanovdb import read_volume as read_nvdb
 
@@ -271,9 +277,15 @@ def _volume_files(job: Job) -> dict[str, str]:
         raise JobErrors([Problem(origin, ("voxelize", "formats"), 'must name "vdb", "nvdb" or both')])
     names = {name: "volume" if i == 0 else f"volume as {name}" for i, name in enumerate(formats)}
     levels = range(1, job.table("voxelize").levels + 1)
-    return {names[name]: f"volume.{name}" for name in formats} | {
-        f"{names[name]} level {level}": f"volume_level{level}.{name}" for name in formats for level in levels
-    }
+    return (
+        {names[name]: f"volume.{name}" for name in formats}
+        | {
+            f"{names[name]} level {level}": f"volume_level{level}.{name}"
+            for name in formats
+            for level in levels
+        }
+        | ({"picture": "volume.png"} if job.table("voxelize").picture else {})
+    )
 
 
 def _fiber_files(job: Job) -> dict[str, str]:
@@ -308,6 +320,7 @@ LOBE_CODE = (
 GRID_CODE = tuple(
     f"voxelize/{name}.py"
     for name in (
+        "foreign",
         "grid",
         "grid_files",
         "memory",

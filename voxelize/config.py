@@ -10,6 +10,23 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 Corner = tuple[float, float, float]
 
 
+class ForeignVolumeConfig(BaseModel):
+    """What a .vdb file of another program does not say of itself."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+    fiber_radius_mm: float = Field(ge=1e-6, le=1e6)
+    """Radius of the fibers that the density stands for."""
+    density: str | None = None
+    """Name of the float grid with the density. Default: "density", or the only one there is."""
+    direction: str | None = None
+    """Name of the vector grid with the fiber direction. Default: a usual name, or the only one there is."""
+    density_scale: float = Field(default=1.0, gt=0, le=1e9)
+    """What the file's density is multiplied by to become a volume fraction of fiber."""
+    scale_to_mm: float = Field(default=1.0, gt=0, le=1e7)
+    """Length of one unit of the file, in mm; 1000 where it was made in meters."""
+
+
 class VoxelizeConfig(BaseModel):
     """Fibers to a sparse grid of density and direction."""
 
@@ -34,6 +51,8 @@ class VoxelizeConfig(BaseModel):
     """Coarser levels to write beside the result, each a volume: 2, 4, 8 ... times the voxel size."""
     level_lobes: Literal[1, 2] = 2
     """Directions in a voxel of a coarser level. With 2, crossing fibers stay apart, as a second medium."""
+    picture: bool = False
+    """Also draw the whole grid from its broad side, as a .png beside the result; in little memory."""
     tile_voxels: int = Field(default=128, ge=8, le=256, multiple_of=8)
     """Voxels along the edge of the cube that one worker fills at a time; less where memory is short. It
     changes no bit of the result."""

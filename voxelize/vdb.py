@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import re
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -143,6 +143,18 @@ def read_summaries(path: str | Path) -> list[dict[str, Any]]:
     return _read(path, trusted=False, with_leaves=False)
 
 
+def read_grids(path: str | Path) -> list[dict[str, Any]]:
+    """As `read_summaries`, with `leaves` (origins, masks, values) of every float and vec3s grid."""
+    path = Path(path)
+    _check_is_vdb(path)
+    return _read(path, trusted=False, with_leaves=True)
+
+
+def is_from_weft(summaries: Sequence[dict[str, Any]]) -> bool:
+    """Whether the grids are those of a volume that weft wrote."""
+    return any("medium_index" in grid["metadata"] for grid in summaries)
+
+
 def _read(path: Path, *, trusted: bool, with_leaves: bool) -> list[dict[str, Any]]:
     module = extension()
     if not trusted:
@@ -203,7 +215,11 @@ def _to_volume(grids: list[dict[str, Any]], path: Path, *, verify: bool = True) 
         grid for grid in grids if "medium_index" in grid["metadata"] and grid["name"].startswith("density")
     ]
     if not densities:
-        raise InputError("no grid 'density' written by weft is in this file.", path=path)
+        raise InputError(
+            f"no grid 'density' written by weft is in this file; its grids: {', '.join(by_name) or 'none'}.",
+            path=path,
+            hint="To render it, say in [render.foreign] how thick its fibers are (fiber_radius_mm).",
+        )
     try:
         densities.sort(key=lambda grid: int(grid["metadata"]["medium_index"]))
         volume = FiberVolume(

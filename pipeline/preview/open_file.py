@@ -22,6 +22,7 @@ from .scene import Scene
 if TYPE_CHECKING:
     from weft.pipeline.job import Job
     from weft.pipeline.stage import Stage
+    from weft.voxelize.config import ForeignVolumeConfig
 
 
 def open_scene(
@@ -134,10 +135,10 @@ def _mesh(path: Path, options: PreviewOptions) -> Scene:
     return mesh_scene(path.name, mesh)
 
 
-def _grid(path: Path, options: PreviewOptions) -> Scene:
+def _grid(path: Path, options: PreviewOptions, foreign: ForeignVolumeConfig | None = None) -> Scene:
     from .grid_scene import grid_scene
 
-    volume = load_volume(path)
+    volume = load_volume(path, foreign)
     return grid_scene(path.name, volume, slices=options.slices, surface=options.surface, box=options.box_mm)
 
 
@@ -204,7 +205,7 @@ def _job_grid(job: Job, options: PreviewOptions) -> Scene:
     """The grid that [render] volume names, or that [voxelize] made."""
     named = job.table("render").volume if job.has("render") else None
     if named is not None:
-        return _grid(named, options)
+        return _grid(named, options, job.table("render").foreign)
     _table(job, "voxelize")
     stage = CHAIN["voxelize"]
     path = job.output / next(iter(stage.outputs(job).values()))

@@ -60,7 +60,7 @@ def load_easel(job: Job) -> Easel:
     volume_alone = replace(stage, name="view", inputs={"volume": stage.inputs["volume"]})
     files = input_files(volume_alone, job, CHAIN)
     with placed_in(job.document):
-        volume = load_volume(files["volume"])
+        volume = load_volume(files["volume"], job.table("render").foreign)
         return Easel(job.table("render"), volume, media_scattering(job, _lobes(job), volume))
 
 

@@ -161,3 +161,25 @@ def test_wrong_scattering_files_are_refused(tmp_path, change):
     path.write_text(json.dumps(document))
     with pytest.raises(InputError, match=r"s\.json"):
         read_scattering(path)
+
+
+def test_a_volume_of_another_program_is_described(tmp_path):
+    """Its grids, and what a job must say to render it; it carries nothing to verify against."""
+    from weft.voxelize.openvdb_library import extension, library_version
+
+    if library_version() is None:
+        pytest.skip("weft was installed without OpenVDB")
+    path, origins = tmp_path / "a.vdb", np.zeros((1, 3), np.int32)
+    masks, values = np.full((1, 8), 2**64 - 1, np.uint64), np.ones((1, 512, 3), np.float32)
+    place = {"voxel_size": 0.2, "translation": [0.0] * 3}
+    grids = [
+        extension().LeafGrid("density", origins, masks, values[..., 0].copy(), **place),
+        extension().LeafGrid("tangentu", origins, masks, values, **place),
+    ]
+    extension().write_grids(str(path), grids)
+    text = "\n".join(describe(path))
+    assert "volume of another program" in text
+    assert "tangentu" in text
+    assert "[render.foreign]" in text
+    with pytest.raises(InputError, match="no hash"):
+        describe(path, verify=True)

@@ -175,7 +175,8 @@ nb::list readGrids(const std::string& path, size_t maxLeaves, bool withLeaves) {
     nb::list out;
     for (auto& grid : grids) {
         nb::dict entry = describe(*grid);
-        if (withLeaves) {
+        // Files of other programs may hold more: of grids of other types name and type alone are passed on.
+        if (withLeaves && (grid->isType<openvdb::FloatGrid>() || grid->isType<openvdb::Vec3SGrid>())) {
             LeafArrays arrays;
             {
                 nb::gil_scoped_release unlocked;
@@ -222,6 +223,6 @@ NB_MODULE(_openvdb, module) {
     module.def("compare_grids", &compareGrids, "path"_a, "grids"_a,
                "Raise RuntimeError unless the file holds exactly these grids.");
     module.def("read_grids", &readGrids, "path"_a, nb::kw_only(), "max_leaves"_a = kMaxLeaves, "with_leaves"_a = true,
-               "All grids of a .vdb file: name, type, metadata, index_to_world (row vectors), and their leaves sorted "
-               "by origin. `with_leaves=False` reads no tree.");
+               "All grids of a .vdb file: name, type, metadata, index_to_world (row vectors), and of float and vec3s "
+               "grids their leaves sorted by origin. `with_leaves=False` reads no tree.");
 }
