@@ -23,6 +23,7 @@ from .fingerprint import code_fingerprint, fingerprint
 from .levels import LevelReport, level_path, make_levels
 from .memory import fit_tiles, refuse_what_does_not_fit
 from .parts import PartFolder, TilePart
+from .picture import draw_volume
 from .plan import TilePlan, brick_bound, checked_region, plan_tiles
 from .report import VoxelizeReport
 from .sources import FiberSource, Source, units_to_mm
@@ -101,6 +102,8 @@ def stream_source(
             writing(i / len(paths), f"writing {path.name}")
         _write(path, folder, volume, parts)
     levels = _write_levels(config, volume, paths, workers, _share(progress, LEVELS_FROM, 1.0))
+    if config.picture:
+        draw_volume(paths[0].with_suffix(".png"), volume)
     folder.remove()
     if progress is not None:
         progress(1.0, "written")
@@ -136,8 +139,8 @@ def parts_folder(path: Path) -> Path:
 
 
 def _key(config: VoxelizeConfig, source: Source, tile_voxels: int) -> str:
-    """Of all that decides a tile; memory, formats, levels and workers do not."""
-    others = {"memory_mb": None, "formats": ("vdb",), "levels": 0, "level_lobes": 2}
+    """Of all that decides a tile; memory, formats, levels, picture and workers do not."""
+    others = {"memory_mb": None, "formats": ("vdb",), "levels": 0, "level_lobes": 2, "picture": False}
     settings = config.model_copy(update={**others, "tile_voxels": tile_voxels})
     return fingerprint([("config", settings), ("source", source.fingerprint()), ("code", code_fingerprint())])
 

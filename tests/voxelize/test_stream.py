@@ -251,3 +251,31 @@ def test_resident_memory_stays_within_bounds(tmp_path):
     bricks, peak_mb = map(float, result.stdout.splitlines()[-1].split())
     assert bricks * 8192 / 2**20 > 1.5 * allowed
     assert peak_mb < allowed
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_picture_shows_where_the_fibers_are(tmp_path, axis):
+    """A letter L of fibers in a thin sheet: its corner is lower left, from whichever side it is seen."""
+    from PIL import Image
+
+    from weft.voxelize.sources import SegmentSource
+    from weft.voxelize.stream import stream_source
+
+    # right, up and toward the viewer are axes of the world
+    right, up, toward = ((2, -1), (1, 1), (0, 1)), ((0, 1), (2, -1), (1, 1)), ((0, 1), (1, 1), (2, 1))
+    right, up, toward = (right, up, toward)[axis]
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.uniform((0, 0), (8, 2), (3000, 2)), rng.uniform((0, 0), (2, 8), (3000, 2))])
+    segments = np.zeros((len(points), 2, 3), np.float32)
+    for (i, sign), values in ((right, points[:, 0]), (up, points[:, 1])):
+        segments[:, :, i] = sign * values[:, None]
+    segments[:, 1, right[0]] += 0.2
+    segments[:, :, toward[0]] = rng.uniform(0, 0.4, (len(points), 1))
+    config = VoxelizeConfig(voxel_size_mm=0.1, picture=True)
+    stream_source(config, SegmentSource(segments, fiber_radius_mm=0.02), [tmp_path / "a.vdb"])
+    pixels = np.asarray(Image.open(tmp_path / "a.png").convert("L"), dtype=float)
+    height, width = pixels.shape
+    quarters = pixels[height // 2 :, : width // 2], pixels[: height // 2, width // 2 :]
+    assert quarters[0].mean() > 2 * quarters[1].mean()
+    assert pixels[:10, :10].mean() > 2 * pixels[:10, -10:].mean()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.png", "a.vdb"]
