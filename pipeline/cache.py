@@ -58,6 +58,7 @@ def stage_key(stage: Stage, job: Job, inputs: Mapping[str, Path]) -> StageKey:
                     values |= _companions(name, value, stamps)
                     value = f"{value.suffix} sha256:{stamps[name].sha256}"
                 values[name] = value
+    values |= flattened(stage.other_settings(job), ())
     values |= {name: f"sha256:{stamps[name].sha256}" for name in stamps if name.startswith("input.")}
     values |= {f"code of {part}": code_fingerprint(part) for part in stage.code}
     return StageKey(values, stamps)

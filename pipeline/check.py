@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from weft.files.errors import InputError
 
 from .cache import stage_key, why_stale
+from .camera_voxels import sized_by_camera
 from .job import Job
 from .messages import placed_in, shown
 from .run import input_files, needed
@@ -88,7 +89,7 @@ def _estimate(job: Job, fibers: FiberSet) -> str:
     from weft.voxelize.sources import FiberSource
 
     source = FiberSource(fibers)
-    config = job.table("voxelize").sized(source.fiber_radius_mm)
+    config = sized_by_camera(job, fibers).sized(source.fiber_radius_mm)
     bricks = brick_bound(config, source, checked_region(config, source))
     fit_tiles(
         bricks,

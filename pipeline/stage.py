@@ -61,6 +61,9 @@ class Stage:
     optional_tables: tuple[str, ...] = ()
     """Tables that the result depends on too, where the job has them."""
 
+    other_settings: Callable[[Job], Mapping[str, Any]] = lambda job: {}
+    """Values of other tables that the result depends on too."""
+
     def record_name(self, job: Job) -> str:
         first = next(iter(self.outputs(job).values()))
         return f"{Path(first).stem}.run.json"

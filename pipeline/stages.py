@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from weft.files.errors import InputError
 
 from .cache import stamp_of
+from .camera_voxels import camera_settings, sized_by_camera
 from .fit_stage import FIT
 from .job import Job
 from .messages import JobErrors, Problem, did_you_mean, shown
@@ -96,7 +97,7 @@ def make_volume(work: StageWork) -> dict[str, Any]:
     refuse_unwritable_formats(work.job)
     fibers = fiber_set(work)
     volume = voxelize_to_files(
-        work.job.table("voxelize"),
+        sized_by_camera(work.job, fibers),
         fibers,
         [path for name, path in work.outputs.items() if " level " not in name and name != "picture"],
         progress=_part(work.progress, FIBERS_SHARE, 1.0),
@@ -129,7 +130,8 @@ def plan_volume(job: Job) -> list[str]:
 
     refuse_unwritable_formats(job)
     work = StageWork(job, input_files(CHAIN["voxelize"], job, CHAIN), {}, lambda fraction, detail: None)
-    return foresee(job.table("voxelize"), fiber_set(work)).lines()
+    fibers = fiber_set(work)
+    return foresee(sized_by_camera(job, fibers), fibers).lines()
 
 
 def make_scattering(work: StageWork) -> dict[str, Any]:
@@ -367,6 +369,7 @@ CHAIN: dict[str, Stage] = {
             outputs=_volume_files,
             work=make_volume,
             code=(*FIBER_CODE, "voxelize"),
+            other_settings=camera_settings,
             libraries=("numpy", "warp-lang"),
         ),
         Stage(

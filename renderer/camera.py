@@ -60,6 +60,32 @@ def place_camera(
     )
 
 
+def nearest_pixel_mm(frame: CameraFrame, boxes_mm: np.ndarray, resolution: tuple[int, int]) -> float:
+    """Width of a pixel at the nearest point in view of boxes [n, 2, 3]; the lens's distortion aside.
+
+    Raises `InputError` where nothing is in view, or the camera stands among the boxes.
+    """
+    width = 2 * float(np.linalg.norm(frame.right)) / resolution[0]
+    if not frame.perspective:
+        return width
+    half = np.diff(boxes_mm, axis=1)[:, 0] / 2
+    middle = boxes_mm.mean(axis=1) - frame.position
+    depth, radius = middle @ frame.forward, np.linalg.norm(half, axis=1)
+    seen = depth + radius > 0
+    for side in (frame.right, frame.up):
+        slope = np.linalg.norm(side)
+        # a ball around the box reaches into the wedge between the two planes through the camera
+        seen &= np.abs(middle @ side) / slope <= depth * slope + radius * np.hypot(1, slope)
+    if not seen.any():
+        raise InputError(
+            "render.camera: no fiber is in view.", hint="Move it, or set voxelize.voxel_size_mm."
+        )
+    nearest = float((depth - half @ np.abs(frame.forward))[seen].min())
+    if nearest <= 0:
+        raise InputError("render.camera: stands among the fibers.", hint="Set voxelize.voxel_size_mm.")
+    return nearest * width
+
+
 def rotation(axis: int, angle: float) -> np.ndarray:
     """Matrix of a turn about axis 0, 1 or 2, counterclockwise seen from its tip, [rad], shape [3, 3]."""
     c, s = math.cos(angle), math.sin(angle)

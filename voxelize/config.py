@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -36,6 +37,9 @@ class VoxelizeConfig(BaseModel):
     """Edge of a voxel. Files and time grow as it shrinks."""
     voxels_per_fiber_diameter: float | None = Field(default=None, gt=0, le=100)
     """In place of voxel_size_mm: so many voxels across the thinnest fiber; 0.2 is five diameters a voxel."""
+    voxels_per_pixel: float | None = Field(default=None, gt=0, le=100)
+    """In place of voxel_size_mm: so many voxels across a pixel of [render], where the cloth is nearest to its
+    camera (of several cameras, where that is finest)."""
     region_mm: tuple[Corner, Corner] | None = None
     """Only what lies in this box, [[x0, y0, z0], [x1, y1, z1]], widened to whole voxels. Default: all."""
     memory_mb: float | None = Field(default=None, gt=0)
@@ -75,16 +79,29 @@ class VoxelizeConfig(BaseModel):
 
     @model_validator(mode="after")
     def _size_is_given_once(self) -> VoxelizeConfig:
-        if (self.voxel_size_mm is None) == (self.voxels_per_fiber_diameter is None):
-            raise ValueError("give either voxel_size_mm or voxels_per_fiber_diameter")
+        given = (self.voxel_size_mm, self.voxels_per_fiber_diameter, self.voxels_per_pixel)
+        if sum(value is not None for value in given) != 1:
+            raise ValueError("give either voxel_size_mm or voxels_per_fiber_diameter or voxels_per_pixel")
         return self
 
     @property
     def size_mm(self) -> float:
         """Edge of a voxel, of a config that names it or that `sized` returned [mm]."""
         if self.voxel_size_mm is None:
-            raise ValueError("the voxel size follows from the fibers; see VoxelizeConfig.sized")
+            raise ValueError("the voxel size follows from the fibers or the camera; see VoxelizeConfig.sized")
         return self.voxel_size_mm
+
+    def seen_by(self, pixel_mm: float) -> VoxelizeConfig:
+        """The same with its voxel size in mm, for a camera whose pixels are this wide where cloth is nearest.
+
+        Rounded down to three digits, so that the last bits of a camera's place make no other grid.
+        """
+        if self.voxels_per_pixel is None:
+            return self
+        size = pixel_mm / self.voxels_per_pixel
+        step = 10.0 ** (math.floor(math.log10(size)) - 2)
+        size = float(f"{math.floor(size / step) * step:.3g}")
+        return self.model_copy(update={"voxel_size_mm": size, "voxels_per_pixel": None})
 
     def sized(self, fiber_radius_mm: Sequence[float]) -> VoxelizeConfig:
         """The same with its voxel size in mm, for fibers of these radii."""

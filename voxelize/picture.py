@@ -16,10 +16,10 @@ import warp as wp
 from weft.files.atomic import atomic_write
 
 from . import picture_kernels
-from .accumulator import DEVICE
 from .grid import BRICK_SIZE
 from .level_of_detail import blocks_of
 from .stored import StoredVolume
+from .tile_sums import DEVICE
 
 SIDE = 16
 """Bricks along the edge of a cube."""

@@ -25,7 +25,7 @@ from weft.voxelize.config import VoxelizeConfig
         ({"voxel_size_mm": 1, "formats": []}, "at least 1"),
         ({"voxel_size_mm": 1, "formats": ["vdb", "vdb"]}, "named twice"),
         ({"voxel_size_mm": 1, "voxel_size": 1}, "Extra inputs"),
-        ({}, "either voxel_size_mm or voxels_per_fiber_diameter"),
+        ({}, "either voxel_size_mm or voxels_per_fiber_diameter or voxels_per_pixel"),
     ],
 )
 def test_wrong_settings_are_refused(values, message):
