@@ -43,14 +43,15 @@ def sweep_balls(sweep: SweepSurface) -> list[BallSurface]:
 
 
 def ball_triangles(surface: BallSurface, material: int) -> Triangles:
-    """As large inside and outside of the sphere as makes its volume right."""
-    ball = _unit_ball()
+    """In the scene [mm]."""
+    ball = unit_ball()
     corners = ball.corners * surface.radius_mm + np.array(surface.position_mm)
     return Triangles(corners, ball.normals, ball.uvs, np.full(len(ball), material), np.zeros(len(ball), int))
 
 
 @lru_cache(maxsize=1)
-def _unit_ball() -> Triangles:
+def unit_ball() -> Triangles:
+    """About as large inside and outside of the unit sphere as makes its volume right."""
     import trimesh
 
     mesh = trimesh.creation.icosphere(subdivisions=SUBDIVISIONS)

@@ -37,8 +37,8 @@ class Bvh:
     """The triangles, by their index before; int, shape [triangle_count]."""
 
 
-def build_bvh(lower: np.ndarray, upper: np.ndarray) -> Bvh:
-    """Over boxes with these corners, float64, shape [triangle_count, 3]."""
+def build_bvh(lower: np.ndarray, upper: np.ndarray, *, leaf: int = LEAF_TRIANGLES) -> Bvh:
+    """Over boxes with these corners, float64, shape [triangle_count, 3]; at most `leaf` to a leaf."""
     middle = (lower + upper) / 2
     order = np.arange(len(lower))
     starts, ends = np.array([0]), np.array([len(lower)])
@@ -49,7 +49,7 @@ def build_bvh(lower: np.ndarray, upper: np.ndarray) -> Bvh:
     while len(starts):
         boxes.append(_span_bounds(lower[order], upper[order], starts, ends))
         spans.append((starts, ends))
-        inner = ends - starts > LEAF_TRIANGLES
+        inner = ends - starts > leaf
         level_children = np.zeros(len(starts), int)
         level_children[inner] = base + len(starts) + 2 * np.arange(inner.sum())
         children.append(level_children)

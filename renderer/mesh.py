@@ -25,7 +25,7 @@ class Triangles:
     corners: np.ndarray
     """[mm], shape [triangle_count, 3, 3]."""
     normals: np.ndarray
-    """Unit, at the corners, same shape."""
+    """At the corners, same shape; unit, but shorter where the mesh was scaled unevenly."""
     uvs: np.ndarray
     """Shape [triangle_count, 3, 2]; zero where the file has none."""
     material: np.ndarray
@@ -47,7 +47,7 @@ def mesh_triangles(surface: MeshSurface, material: int) -> Triangles:
     """The mesh in all its placements."""
     mesh = load_mesh(surface.file)
     if not surface.smooth:
-        mesh = replace(mesh, normals=_flat_normals(mesh.corners))
+        mesh = with_flat_normals(mesh)
     mesh = replace(mesh, material=np.full(len(mesh), material))
     return joined([placed(mesh, one, surface.unit_mm) for one in surface.placements])
 
@@ -91,10 +91,17 @@ def has_area(corners: np.ndarray) -> np.ndarray:
 
 
 def placed(mesh: Triangles, placement: Placement, unit_mm: float) -> Triangles:
-    """Scaled, turned and moved."""
-    turn = rotation_matrix(placement.rotation_deg)
-    corners = mesh.corners * (unit_mm * placement.scale) @ turn.T + np.array(placement.position_mm)
-    return replace(mesh, corners=corners, normals=mesh.normals @ turn.T)
+    """Scaled, turned and moved; normals stay across the surface where it is scaled unevenly."""
+    turn, scale = rotation_matrix(placement.rotation_deg), placement.scale_xyz
+    corners = mesh.corners * (unit_mm * scale) @ turn.T + np.array(placement.position_mm)
+    # of uneven length: between corners they count as in an instance, whose normal is turned as a whole
+    normals = mesh.normals * (scale.min() / scale)
+    return replace(mesh, corners=corners, normals=normals @ turn.T)
+
+
+def with_flat_normals(mesh: Triangles) -> Triangles:
+    """Each triangle's own, at its corners."""
+    return replace(mesh, normals=_flat_normals(mesh.corners))
 
 
 def rotation_matrix(degrees: tuple[float, float, float]) -> np.ndarray:

@@ -124,7 +124,9 @@ class Scene:
         return '#include "surface/merl.glsl"\n' if self.surfaces and self.surfaces.kinds.measured else ""
 
     def _surface_constants(self) -> dict[str, Constant]:
-        return {} if self.surfaces is None else dict(self.surfaces.kinds.constants)
+        if self.surfaces is None:
+            return {}
+        return {**self.surfaces.kinds.constants, "SURFACE_INSTANCES": self.surfaces.instance_count > 0}
 
     def _surface_uniforms(self) -> dict[str, int]:
         if self.surfaces is None:
@@ -147,6 +149,7 @@ class Scene:
             "generated/surfaces.glsl": "" if self.surfaces is None else SURFACE_PIECE,
             "generated/local_lights.glsl": '#include "light/local.glsl"\n' if len(self.local_lights) else "",
             "generated/bsdf.glsl": f'#include "surface/bsdf_{self._bsdf()}.glsl"\n',
+            "generated/instancing.glsl": "" if self.surfaces is None else "#constant SURFACE_INSTANCES\n",
             "generated/merl.glsl": self._merl(),
             "generated/texture.glsl": '#include "surface/texture.glsl"\n',
             "generated/distortion.glsl": DISTORTION_PIECE if any(self.camera.distortion) else "",
@@ -215,16 +218,21 @@ def _lighting(config: RenderConfig, pool: BrickPool, axes: np.ndarray, bounds: n
     middle, diagonal = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0)))
     lights, size = turned_lights(config.lights, config.lights_turn_deg, middle), pool.voxel_size_mm
     local = local_lights(lights, Stage(middle, diagonal, axes))
+    target = config.camera.target_mm
+    values = _local_values(local, middle if target is None else np.array(target), bounds, size)
     return {
-        "light_table": build_light_table(lights, axes, _local_values(local, bounds, size)),
+        "light_table": build_light_table(lights, axes, values),
         "surfaces": build_surface_table(config.surfaces, local, bounds, pool.corner_mm, size),
         "local_lights": light_rows(local, pool.corner_mm, size),
         "local_kinds": frozenset(light.kind for light in local),
     }
 
 
-def _local_values(local: list[LocalLight], bounds: np.ndarray, voxel_size_mm: float) -> LocalValues:
-    middle, radius = bounds.mean(axis=0), float(np.linalg.norm(np.ptp(bounds, axis=0))) / 2
+def _local_values(
+    local: list[LocalLight], middle: np.ndarray, bounds: np.ndarray, voxel_size_mm: float
+) -> LocalValues:
+    """How often each is chosen depends on how much of it reaches `middle` [mm]."""
+    radius = float(np.linalg.norm(np.ptp(bounds, axis=0))) / 2
     fluence = np.array([fluence_at(light, middle, radius) for light in local]).reshape(-1, 3)
     return LocalValues(light_values(local, voxel_size_mm), fluence)
 

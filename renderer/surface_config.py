@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from weft.files.input_file import InputFile
 
 from .settings import Reflectance, Settings, Share, Vector
+
+Positive = Annotated[float, Field(gt=0)]
 
 
 class DiffuseMaterial(Settings):
@@ -65,12 +68,17 @@ Material = Annotated[DiffuseMaterial | PrincipledMaterial | MerlMaterial, Field(
 class Placement(Settings):
     """Where a mesh stands: scaled, turned about x, then y, then z, moved."""
 
-    scale: float = Field(default=1.0, gt=0)
-    """Factor on the mesh's size."""
+    scale: Positive | tuple[Positive, Positive, Positive] = 1.0
+    """Factor on the mesh's size, or one along each of its axes."""
     rotation_deg: Vector = (0.0, 0.0, 0.0)
     """About the axes x, y and z, in this order, each counterclockwise seen from its tip."""
     position_mm: Vector = (0.0, 0.0, 0.0)
     """Where the file's origin comes to lie."""
+
+    @property
+    def scale_xyz(self) -> np.ndarray:
+        """Shape [3]."""
+        return np.broadcast_to(np.asarray(self.scale, np.float64), 3)
 
 
 class MeshSurface(Settings):

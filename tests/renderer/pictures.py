@@ -1,67 +1,71 @@
-"""The sweep of materials in renderer/README.md: python -m tests.renderer.pictures renderer/pictures."""
+"""The pictures of renderer/README.md, each from its job: python -m tests.renderer.pictures FOLDER [FACTOR].
+
+FACTOR multiplies the samples per pixel that the jobs ask for; names of pictures may follow. What jobs need
+and the project does not ship, a measured table and a mesh, is written first.
+"""
 
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 
-from weft.renderer.config import ConstantLight, PerspectiveCamera, RenderConfig
-from weft.renderer.image import write_preview
-from weft.renderer.light_config import QuadLight
-from weft.renderer.render import run
-from weft.renderer.scene import IsotropicPhase
-from weft.renderer.surface_config import GroundSurface, MeshSurface, Placement, PrincipledMaterial
+import numpy as np
+from PIL import Image
 
-from .meshes import write_ball
-from .volumes import uniform_grid, volume
+from weft.pipeline.cli import exit_code
 
-STEPS = (0.0, 0.25, 0.5, 0.75, 1.0)
-ROWS = (
-    {"color": (0.6, 0.15, 0.1), "sweep": "roughness"},
-    {"color": (0.8, 0.6, 0.3), "metallic": 1.0, "sweep": "roughness"},
-    {"color": (0.1, 0.25, 0.6), "roughness": 0.7, "sweep": "sheen"},
-    {"color": (0.1, 0.4, 0.2), "roughness": 0.6, "clearcoat_gloss": 0.9, "sweep": "clearcoat"},
-)
+from .merl_models import gold_paint, write_model
 
-
-def materials() -> list[tuple[int, int, PrincipledMaterial]]:
-    """Row, column and material of every ball."""
-    made = []
-    for j, row in enumerate(ROWS):
-        fixed = {name: value for name, value in row.items() if name != "sweep"}
-        made += [(j, i, PrincipledMaterial(**(fixed | {row["sweep"]: step}))) for i, step in enumerate(STEPS)]
-    return made
+JOBS = Path(__file__).parent / "jobs"
+PICTURES = {
+    "disney_sweep": ("disney_sweep",),
+    "merl_material": ("merl_material",),
+    "hexagonal_bokeh": ("hexagonal_bokeh",),
+    "two_environments": ("swatch_studio", "swatch_daylight"),
+    "twill_and_mirror": ("twill", "twill_mirrored"),
+    "all_lights": ("all_lights",),
+}
+"""Jobs whose pictures stand side by side."""
+GAP_PIXELS = 4
 
 
-def sweep(folder: Path, samples: int) -> None:
-    with tempfile.TemporaryDirectory() as place:
-        ball = write_ball(Path(place), subdivisions=4)
-        balls = [
-            MeshSurface(file=ball, material=m, placements=[Placement(position_mm=(2.4 * i, 1.4, 2.4 * j))])
-            for j, i, m in materials()
-        ]
-        config = RenderConfig(
-            resolution=(240, 180),
-            samples_per_pixel=samples,
-            max_bounces=8,
-            lights=[
-                QuadLight(
-                    position_mm=(-3, 12, 8),
-                    target_mm=(5, 0, 4),
-                    width_mm=6,
-                    height_mm=5,
-                    radiance=(12, 12, 12),
-                ),
-                ConstantLight(radiance=(0.25, 0.27, 0.3)),
-            ],
-            surfaces=[*balls, GroundSurface(size_mm=200)],
-            camera=PerspectiveCamera(position_mm=(4.8, 13, 22), target_mm=(4.8, 0.5, 3.4), fov_deg=32),
-        )
-        # a speck of fiber far below the picture: the stage wants a volume
-        result = run(config, volume(uniform_grid((1, 1, 1), 0.1, (1, 0, 0))), {"a": IsotropicPhase()})
-        write_preview(folder / "materials.png", result.radiance, exposure=0.2)
+def write_inputs() -> None:
+    """The table and the mesh that jobs name."""
+    import trimesh
+
+    for name in ("merl_material", "all_lights"):
+        (JOBS / f"{name}.out").mkdir(exist_ok=True)
+    write_model(JOBS / "merl_material.out", "gold_paint", gold_paint())
+    ring = trimesh.creation.torus(major_radius=2.6, minor_radius=0.35, major_sections=24, minor_sections=8)
+    ring.export(JOBS / "all_lights.out" / "ring.ply")
+
+
+def render(job: str, factor: float) -> Path:
+    """The picture of a job, with `factor` times its samples."""
+    import tomllib
+
+    file = JOBS / f"{job}.toml"
+    samples = tomllib.loads(file.read_text())["render"]["samples_per_pixel"]
+    code = exit_code(
+        ["run", str(file), "--set", f"render.samples_per_pixel={max(2, round(samples * factor))}"]
+    )
+    if code:
+        sys.exit(code)
+    return JOBS / f"{job}.out" / "image.png"
+
+
+def side_by_side(files: list[Path]) -> Image.Image:
+    parts = [np.asarray(Image.open(file).convert("RGB")) for file in files]
+    gap = np.full((len(parts[0]), GAP_PIXELS, 3), 255, np.uint8)
+    return Image.fromarray(np.concatenate([p for part in parts for p in (gap, part)][1:], axis=1))
+
+
+def make_pictures(folder: Path, factor: float, names: list[str]) -> None:
+    write_inputs()
+    for name in names or list(PICTURES):
+        side_by_side([render(job, factor) for job in PICTURES[name]]).save(folder / f"{name}.png")
 
 
 if __name__ == "__main__":
-    sweep(Path(sys.argv[1]), 96)
+    scale = float(sys.argv[2]) if len(sys.argv) > 2 else 1.0
+    make_pictures(Path(sys.argv[1]), scale, sys.argv[3:])

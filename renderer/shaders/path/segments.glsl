@@ -18,6 +18,10 @@ void start_seek(inout Path p, float t_end, uint mode) {
     p.node = 0u;
     p.triangle = NO_TRIANGLE;
     p.sought = mode;
+#if SURFACE_INSTANCES
+    p.instance = NO_INSTANCE;
+    p.met_instance = NO_INSTANCE;
+#endif
     p.mode = MODE_SEEK;
 }
 #endif

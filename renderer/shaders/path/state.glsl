@@ -4,6 +4,7 @@
 // `state_words` in renderer/kernel.py), lane_count, seed.
 #include "rng/random.glsl"
 #constant SURFACES
+#include "generated/instancing.glsl"  // SURFACE_INSTANCES; empty where there are no surfaces
 #constant FIBER_CORRELATION
 #constant BRICK_POOL
 
@@ -33,6 +34,7 @@ const uint MODE_DONE = 5u;       // no samples left
 #if SURFACES
 const uint MODE_SEEK = 6u;       // looking for the surface that ends the segment
 const uint MODE_SURFACE = 7u;    // has met it
+const uint NO_INSTANCE = 0xffffffffu;
 const uint NO_TRIANGLE = 0xffffffffu;
 const uint NO_NODE = 0xffffffffu;
 const float NO_END = 1e30;
@@ -72,6 +74,10 @@ struct Path {
     uint node;           // of the hierarchy, the next to be looked at
     uint triangle;       // the nearest found
     uint sought;         // the mode that follows: flight or shadow
+#if SURFACE_INSTANCES
+    uint instance;       // that the walk is in
+    uint met_instance;   // the one of `triangle`
+#endif
 #endif
 #if FIBER_CORRELATION
     vec3 left_axis;      // of the fiber that the segment leaves; zero where it leaves none
@@ -119,6 +125,11 @@ Path load_path(uint lane) {
     p.node = w9.y;
     p.triangle = w9.z;
     p.sought = w9.w;
+#if SURFACE_INSTANCES
+    p.sought = w9.w & 1u;
+    p.instance = (w9.w >> 1u) - 1u;  // 0 becomes NO_INSTANCE
+    p.met_instance = w8.w;
+#endif
 #endif
 #if FIBER_CORRELATION
     uvec4 c0 = states[lane + lane_count * CORRELATION_ROW];
@@ -149,6 +160,10 @@ void store_path(uint lane, Path p) {
     states[lane + lane_count * 8u] = uvec4(p.rng.x, p.rng.y, floatBitsToUint(p.next_free), wanted);
 #if SURFACES
     states[lane + lane_count * 9u] = uvec4(floatBitsToUint(p.t_end), p.node, p.triangle, p.sought);
+#if SURFACE_INSTANCES
+    states[lane + lane_count * 8u].w = p.met_instance;
+    states[lane + lane_count * 9u].w = p.sought | (p.instance + 1u) << 1u;
+#endif
 #endif
 #if FIBER_CORRELATION
     states[lane + lane_count * CORRELATION_ROW] = uvec4(floatBitsToUint(p.left_axis), floatBitsToUint(p.left_gap));

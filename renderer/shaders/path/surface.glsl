@@ -7,12 +7,16 @@
 #constant SURFACE_TEXTURES
 
 // x along the texture's u where that is known, z along the smooth normal.
-mat3 surface_frame(uint triangle, SurfaceVertex vertex) {
+mat3 surface_frame(Path p, SurfaceVertex vertex) {
     mat3 frame;
     frame[2] = vertex.normal;
     orthonormal_basis(vertex.normal, frame[0], frame[1]);
 #if SURFACE_PRINCIPLED
-    vec3 tangent = surface_tangent(triangle);
+    vec3 tangent = surface_tangent(p.triangle);
+#if SURFACE_INSTANCES
+    tangent = from_instance(p.met_instance, vec4(tangent, 0.0));
+    tangent /= max(length(tangent), 1e-20);
+#endif
     tangent -= dot(tangent, vertex.normal) * vertex.normal;
     float size = length(tangent);
     if (size > 1e-3) {
@@ -56,8 +60,27 @@ void meet_light(inout Path p, uint light, vec3 normal) {
 }
 #endif
 
+SurfaceVertex met_vertex(Path p) {
+#if SURFACE_INSTANCES
+    uint at = p.met_instance;
+    vec3 origin = to_instance(at, vec4(p.origin, 1.0));
+    SurfaceVertex vertex = surface_vertex(p.triangle, origin, to_instance(at, vec4(p.direction, 0.0)));
+    uint material = instance_numbers(at).z;
+    vertex.material = material == 0xffffffffu ? vertex.material : material;
+    vertex.flat_normal = normal_from_instance(at, vertex.flat_normal);
+    vertex.normal = normal_from_instance(at, vertex.normal);
+    vertex.position = from_instance(at, vec4(vertex.position, 1.0));
+    // the map rounds where the whole point is large, also along an axis on which it lies near zero
+    vec3 size = abs(vertex.position);
+    vertex.position += vertex.flat_normal * (1e-6 * max(size.x, max(size.y, size.z)));
+    return vertex;
+#else
+    return surface_vertex(p.triangle, p.origin, p.direction);
+#endif
+}
+
 void meet_surface(inout Path p) {
-    SurfaceVertex vertex = surface_vertex(p.triangle, p.origin, p.direction);
+    SurfaceVertex vertex = met_vertex(p);
 #if LOCAL_LIGHTS
     uint emitter = floatBitsToUint(lights[material_row(vertex)].w);
     if (emitter > 0u) {
@@ -77,7 +100,7 @@ void meet_surface(inout Path p) {
     p.bounce += 1u;
     p.origin = off_surface(vertex.position, vertex.flat_normal);
     p.origin_voxel = ON_SURFACE;
-    mat3 frame = surface_frame(p.triangle, vertex);
+    mat3 frame = surface_frame(p, vertex);
     vec3 wo = -p.direction * frame;
 
     uvec4 bits = random_words(p.rng);

@@ -48,6 +48,7 @@ uniform vec4 directional_lights[16];
 uniform uint local_first;  // entry of the first light that stands somewhere
 uniform uint local_lights;   // first row of their places
 uniform uint surface_nodes;  // first rows of each kind in lights[], behind the lights (renderer/surfaces.py)
+uniform uint surface_instances;
 uniform uint surface_triangles;
 uniform uint surface_attributes;
 uniform uint surface_materials;
