@@ -22,8 +22,19 @@ from .lights import LightTable, LocalValues, build_light_table
 from .local_lights import LOCAL_ROWS, LocalLight, Stage, fluence_at, light_rows, light_values, local_lights
 from .pixel_filter import CELLS, KINDS, filter_uniforms
 from .scattering_block import pack_scattering, pack_symmetric_tables, symmetric_share
+from .simple_phases import IsotropicPhase, SimplePhase, flake_roughness, pack_simple, simple_constants
 from .surfaces import SurfaceTable, build_surface_table
 from .turned_lights import turned_lights
+
+__all__ = [
+    "IsotropicPhase",
+    "PhaseTable",
+    "Scattering",
+    "Scene",
+    "build_phase_table",
+    "build_scene",
+    "lit_scene",
+]
 
 SHADOW_ROULETTE = 0.4
 """Transmittance below which a shadow ray survives by roulette (shaders/path/segments.glsl)."""
@@ -36,14 +47,7 @@ FILTER_PIECE = (
 )
 
 
-@dataclass(frozen=True)
-class IsotropicPhase:
-    """Isotropic scattering, for comparison with other renderers and with theory."""
-
-    albedo: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-
-Scattering = FiberScatteringParameters | IsotropicPhase
+Scattering = FiberScatteringParameters | SimplePhase
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,8 @@ class PhaseTable:
     block: str
     parameters: np.ndarray
     constants: Mapping[str, Constant]
+    flake_roughness: float = 0.0
+    """Of SGGX media, which changes their extinction; 0: fibers."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,7 @@ class Scene:
         return {
             "LAYER_COUNT": self.pool.layer_count,
             "EXTINCTION_PROJECTED": self.config.extinction == "projected",
+            "EXTINCTION_FLAKES": self.phase.flake_roughness > 0,
             "FIBER_CORRELATION": self.config.correlation == "fibers",
             "TRACKING_DELTA": self.config.tracking == "delta",
             "SHADOW_ROULETTE": SHADOW_ROULETTE,
@@ -172,6 +179,7 @@ class Scene:
             "max_bounces": config.max_bounces,
             "roulette_start": config.roulette_start,
             "start_offset": offset,
+            "flake_roughness": self.phase.flake_roughness,
             "fiber_radius": float(pool.fiber_radius_mm.max()) / pool.voxel_size_mm,
             "background": (0.0, 0.0, 0.0, 1.0) if from_environment else (*config.background, 0.0),
             "camera_perspective": int(camera.perspective),
@@ -246,13 +254,14 @@ def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scatterin
         raise InputError(f"render: no scattering for medium {', '.join(missing)}; given are {given}.")
     else:
         chosen = [scattering[name] for name in media]
-    isotropic = [one for one in chosen if isinstance(one, IsotropicPhase)]
+    simple = [one for one in chosen if not isinstance(one, FiberScatteringParameters)]
     fibers = [one for one in chosen if isinstance(one, FiberScatteringParameters)]
-    if isotropic and fibers:
-        raise InputError("render: isotropic and fiber scattering cannot be mixed in one picture.")
-    if isotropic:
-        albedo = np.array([[*one.albedo, 0.0] for one in isotropic], np.float32)
-        return PhaseTable("path/phase_isotropic.glsl", _block("vec4"), albedo, {})
+    if simple and fibers:
+        raise InputError("render: fibers and simple phase functions cannot be mixed in one picture.")
+    if simple:
+        constants = simple_constants(simple)
+        roughness = flake_roughness(simple)
+        return PhaseTable("path/phase_simple.glsl", _block("vec4"), pack_simple(simple), constants, roughness)
     return _fiber_phase_table(fibers)
 
 

@@ -1,4 +1,4 @@
-"""The same grid in Mitsuba 3: a heterogeneous medium, isotropic phase function, uniform environment."""
+"""The same grid in Mitsuba 3: a heterogeneous medium in a uniform environment, three phase functions."""
 
 from __future__ import annotations
 
@@ -21,6 +21,14 @@ class VolumeScene:
     fov_deg: float
     """Vertical (= horizontal: the image is square) field of view."""
     resolution: int
+    g: float | None = None
+    """Mean cosine of Henyey and Greenstein's phase function; unset: isotropic."""
+    flake_roughness: float | None = None
+    """Of SGGX microflakes along `axes`; unset: none."""
+    toward_sun: tuple[float, float, float] | None = None
+    """Parallel light of irradiance 1 and a single scattering, in place of the environment."""
+    axes: np.ndarray | None = None
+    """Unit fiber axes, shape [nx, ny, nz, 3]."""
 
     @property
     def size_mm(self) -> np.ndarray:
@@ -66,8 +74,8 @@ def _scene_dict(mi, scene: VolumeScene) -> dict:
     grid = np.ascontiguousarray(scene.extinction.transpose(2, 1, 0)[..., None], np.float32)
     return {
         "type": "scene",
-        "integrator": {"type": "volpath", "max_depth": 1000, "rr_depth": 1000},
-        "light": {"type": "constant", "radiance": 1.0},
+        "integrator": {"type": "volpath", "max_depth": 2 if scene.toward_sun else 1000, "rr_depth": 1000},
+        "light": _light_dict(scene),
         "block": {
             "type": "cube",
             "to_world": cube_to_block,
@@ -82,7 +90,7 @@ def _scene_dict(mi, scene: VolumeScene) -> dict:
                     "to_world": to_block,
                 },
                 "albedo": scene.albedo,
-                "phase": {"type": "isotropic"},
+                "phase": _phase_dict(mi, scene, to_block),
             },
         },
         "sensor": {
@@ -101,3 +109,30 @@ def _scene_dict(mi, scene: VolumeScene) -> dict:
             },
         },
     }
+
+
+def _light_dict(scene: VolumeScene) -> dict:
+    if scene.toward_sun is None:
+        return {"type": "constant", "radiance": 1.0}
+    return {"type": "directional", "direction": [-x for x in scene.toward_sun], "irradiance": 1.0}
+
+
+def _phase_dict(mi, scene: VolumeScene, to_block) -> dict:
+    if scene.g is not None:
+        return {"type": "hg", "g": scene.g}
+    if scene.flake_roughness is None:
+        return {"type": "isotropic"}
+    assert scene.axes is not None
+    outer = scene.axes[..., :, None] * scene.axes[..., None, :]
+    matrix = np.eye(3) - (1 - scene.flake_roughness**2) * outer
+    six = np.stack([matrix[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=-1)
+    grid = np.ascontiguousarray(six.transpose(2, 1, 0, 3), np.float32)
+    volume = {
+        "type": "gridvolume",
+        "grid": mi.VolumeGrid(grid),
+        "raw": True,
+        "filter_type": "nearest",
+        "wrap_mode": "clamp",
+        "to_world": to_block,
+    }
+    return {"type": "sggx", "S": volume}

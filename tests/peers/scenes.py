@@ -30,6 +30,16 @@ def twisted_yarns(
     )
 
 
+def yarn_axes(voxels: int) -> np.ndarray:
+    """Fiber axes for `twisted_yarns`: along x below, y above, leaning as by a twist; [n, n, n, 3]."""
+    center = (np.arange(voxels) + 0.5) / voxels
+    x, y, z = np.meshgrid(center, center, center, indexing="ij")
+    lean = 0.5 * np.sin(9 * (x + y))
+    below = z < 0.53
+    axes = np.stack([np.where(below, 1, lean), np.where(below, lean, 1), 0.3 * np.cos(7 * (x - y))], axis=-1)
+    return axes / np.linalg.norm(axes, axis=-1, keepdims=True)
+
+
 def _plies(along: np.ndarray, across: np.ndarray, up: np.ndarray, *, turns: float) -> np.ndarray:
     """Where three round plies lie around the axis across = 0.5, up = 0."""
     inside = np.zeros(along.shape, bool)

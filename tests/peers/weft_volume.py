@@ -1,4 +1,4 @@
-"""The scene of `mitsuba_volume`, rendered by weft: isotropic phase function, isotropic extinction."""
+"""The scene of `mitsuba_volume`, rendered by weft."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ import numpy as np
 
 from tests.peers.mitsuba_volume import PeerImage, VolumeScene
 from weft.renderer import render
-from weft.renderer.config import ConstantLight, PerspectiveCamera, RenderConfig
-from weft.renderer.scene import IsotropicPhase
+from weft.renderer.config import ConstantLight, DirectionalLight, PerspectiveCamera, RenderConfig
+from weft.renderer.simple_phases import HenyeyGreensteinPhase, IsotropicPhase, SggxPhase, SimplePhase
 from weft.voxelize.grid import BRICK_SIZE, BRICK_VOXELS, FiberGrid, FiberVolume
+
+FIBER_RADIUS_MM = 2 / np.pi
+"""Extinction across fibers of volume fraction 1 is then 1/mm."""
 
 
 def render_with_weft(scene: VolumeScene, *, samples: int, seed: int) -> PeerImage:
@@ -19,17 +22,16 @@ def render_with_weft(scene: VolumeScene, *, samples: int, seed: int) -> PeerImag
         resolution=(scene.resolution, scene.resolution),
         samples_per_pixel=samples,
         seed=seed,
-        max_bounces=1000,
+        max_bounces=1 if scene.toward_sun else 1000,
         camera=PerspectiveCamera(
             position_mm=scene.camera_position, target_mm=scene.camera_target, fov_deg=scene.fov_deg
         ),
-        lights=(ConstantLight(),),
+        lights=(DirectionalLight(direction=scene.toward_sun) if scene.toward_sun else ConstantLight(),),
         background="environment",
-        extinction="isotropic",
-        isotropic_extinction_per_mm=1.0,
+        **_extinction(scene),
     )
     started = time.process_time()
-    result = render.run(config, dense_volume(scene), {"fiber": IsotropicPhase((scene.albedo,) * 3)})
+    result = render.run(config, dense_volume(scene), {"fiber": _phase(scene)})
     cpu_seconds = time.process_time() - started
     mean = result.radiance.astype(np.float64).mean(-1)
     return PeerImage(
@@ -38,6 +40,30 @@ def render_with_weft(scene: VolumeScene, *, samples: int, seed: int) -> PeerImag
         paths=result.statistics.paths,
         cpu_seconds=cpu_seconds,
     )
+
+
+def _phase(scene: VolumeScene) -> SimplePhase:
+    albedo = (scene.albedo,) * 3
+    if scene.g is not None:
+        return HenyeyGreensteinPhase(scene.g, albedo)
+    if scene.flake_roughness is not None:
+        return SggxPhase(scene.flake_roughness, albedo)
+    return IsotropicPhase(albedo)
+
+
+def _extinction(scene: VolumeScene) -> dict:
+    if scene.flake_roughness is None:
+        return {"extinction": "isotropic", "isotropic_extinction_per_mm": 1.0}
+    return {"extinction": "projected"}
+
+
+def _directions(scene: VolumeScene, counts: np.ndarray) -> np.ndarray:
+    """Axes of all bricks, along x where the scene has none, float32, shape [bricks, 512, 3]."""
+    if scene.axes is None:
+        return np.broadcast_to(np.float32([1, 0, 0]), (int(counts.prod()), BRICK_VOXELS, 3))
+    a, b, c = counts
+    split = scene.axes.reshape(a, BRICK_SIZE, b, BRICK_SIZE, c, BRICK_SIZE, 3).transpose(0, 2, 4, 1, 3, 5, 6)
+    return np.ascontiguousarray(split.reshape(-1, BRICK_VOXELS, 3), np.float32)
 
 
 def dense_volume(scene: VolumeScene) -> FiberVolume:
@@ -52,11 +78,10 @@ def dense_volume(scene: VolumeScene) -> FiberVolume:
     origins = np.stack(np.meshgrid(*[np.arange(n) for n in counts], indexing="ij"), -1).reshape(-1, 3)
     occupied = density.any(axis=1)
     density = density[occupied]
-    direction = np.zeros((*density.shape, 3), np.float32)
-    direction[..., 0] = density > 0
+    direction = _directions(scene, counts)[occupied] * (density > 0)[..., None]
     grid = FiberGrid(
         voxel_size_mm=scene.voxel_size_mm,
-        fiber_radius_mm=0.01,
+        fiber_radius_mm=FIBER_RADIUS_MM,
         origins=(origins[occupied] * BRICK_SIZE).astype(np.int32),
         density=density,
         direction=direction,

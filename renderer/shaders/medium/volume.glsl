@@ -4,6 +4,7 @@
 #constant LAYER_COUNT
 #constant EXTINCTION_PROJECTED
 #constant FIBER_CORRELATION
+#constant EXTINCTION_FLAKES
 
 const uint EMPTY_CELL = 0x80000000u;
 
@@ -41,12 +42,16 @@ uint voxel_index(ivec3 voxel) {
     return uint((local.x * 8 + local.y) * 8 + local.z);
 }
 
-// Extinction of one stored voxel [1/voxel]: (2 phi / (pi a)) sin(angle to the fiber), or phi times a scale.
+// Extinction of one stored voxel [1/voxel]: (2 phi / (pi a)) sin(angle to the fiber), the same with the projected area of
+// SGGX flakes, or phi times a scale.
 float voxel_extinction(uint word, float extinction_per_level, vec3 direction) {
     float extinction = float(word >> 20) * extinction_per_level;
 #if EXTINCTION_PROJECTED
     vec3 axis = unscaled_axis(word);
     float cosine = dot(axis, direction);
+#if EXTINCTION_FLAKES
+    cosine *= sqrt(1.0 - flake_roughness * flake_roughness);
+#endif
     extinction *= sqrt(max(1.0 - cosine * cosine / dot(axis, axis), 0.0));
 #endif
     return extinction;

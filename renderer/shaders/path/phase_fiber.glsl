@@ -18,6 +18,10 @@ vec3 phase_albedo(Phase phase) {
     return fiber_lobes_value(phase.lobes, vec4(1.0));
 }
 
+vec3 phase_emission(Phase phase) {
+    return vec3(0.0);
+}
+
 vec3 phase_eval(Phase phase, vec3 wi, out float pdf) {
     vec4 densities = fiber_lobe_densities(phase.s, phase.lobes, wi);
     pdf = dot(phase.lobes.chance, densities);

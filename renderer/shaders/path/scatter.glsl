@@ -45,6 +45,7 @@ void scatter(inout Path p) {
     if (p.bounce == 0u) {
         film_add_first_scattering(film_place(p.rng.xy), p.t, axis, phase_albedo(phase));
     }
+    p.radiance += p.throughput * phase_emission(phase);
     if (p.bounce >= max_bounces) {
         cut_path(p);
         return;

@@ -35,6 +35,7 @@ uniform uint film_layers;
 uniform uint max_bounces;
 uniform uint roulette_start;
 uniform float start_offset;  // of segments after a scattering event [voxels]
+uniform float flake_roughness;  // of SGGX media
 uniform float fiber_radius;  // of the thickest fiber [voxels]
 uniform vec4 background;     // color; w > 0: the environment instead
 uniform int camera_perspective;

@@ -25,3 +25,13 @@ def henyey_greenstein(wo: np.ndarray, wi: np.ndarray, g: float) -> np.ndarray:
     """Per steradian; forward scattering (g > 0) is wi = -wo."""
     cos_turn = -(np.asarray(wo, np.float64) * wi).sum(axis=-1)
     return (1 - g**2) / (4 * np.pi * (1 + g**2 - 2 * g * cos_turn) ** 1.5)
+
+
+def sggx(wo: np.ndarray, wi: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Specular SGGX phase function for a symmetric matrix S [3, 3] (Heitz et al. 2015)."""
+    half = np.asarray(wo, np.float64) + wi
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    shape = np.einsum("...i,ij,...j", half, np.linalg.inv(matrix), half)
+    normals = 1 / (np.pi * np.sqrt(np.linalg.det(matrix)) * shape**2)
+    area = np.sqrt(np.einsum("...i,ij,...j", wo, matrix, wo))
+    return normals / (4 * area)
