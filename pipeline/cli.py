@@ -16,7 +16,7 @@ from cyclopts import CycloptsError
 
 from weft.files.errors import DiskSpaceError, InputError
 
-from .commands import lobes, looking, machine, stages, view  # noqa: F401  each adds its commands to the app
+from .commands import lobes, looking, machine, shares, stages, view  # noqa: F401  each adds its commands to the app
 from .commands.app import app
 from .stop_requests import Terminated, raise_for
 

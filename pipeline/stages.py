@@ -135,14 +135,21 @@ def plan_volume(job: Job) -> list[str]:
 
 
 def make_scattering(work: StageWork) -> dict[str, Any]:
-    from .scattering_file import EVERY_MEDIUM, write_scattering
+    from .scattering_file import write_scattering
 
     config = work.job.table("scattering")
-    refuse_unknown_types(work.job, [name for name in config.by_type if name == EVERY_MEDIUM], ())
-    media = {EVERY_MEDIUM: config.to_parameters()}
-    media |= {name: config.parameters_for(name) for name in config.by_type}
-    write_scattering(work.outputs["parameters"], media)
+    write_scattering(work.outputs["parameters"], scattering_by_medium(work.job))
     return {"summary": config.preset or (config.fit.name if config.fit else "as given")}
+
+
+def scattering_by_medium(job: Job) -> dict[str, FiberScatteringParameters]:
+    """What [scattering] says of each medium it names, and of all others."""
+    from .scattering_file import EVERY_MEDIUM
+
+    config = job.table("scattering")
+    refuse_unknown_types(job, [name for name in config.by_type if name == EVERY_MEDIUM], ())
+    media = {EVERY_MEDIUM: config.to_parameters()}
+    return media | {name: config.parameters_for(name) for name in config.by_type}
 
 
 def make_image(work: StageWork) -> dict[str, Any]:

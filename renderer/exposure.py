@@ -74,12 +74,14 @@ class Exposure:
         scene: Scene,
         *,
         identity: Mapping[str, Any] | None = None,
+        origin: Mapping[str, object] | None = None,
         keeping: Keeping | None = None,
         share: Share = WHOLE,
         stop: Callable[[], bool] = never,
         progress: Progress | None = None,
     ) -> None:
         self.kernel, self.scene, self.config = kernel, scene, scene.config
+        self.origin = dict(origin or {})
         self.identity, self.keeping, self.share = dict(identity or {}), keeping, share
         self.stop, self.progress = stop, progress
         self.first = 0 if share.blocks is None else share.blocks.start * self.config.block_samples
@@ -246,6 +248,13 @@ class Exposure:
             "asked": self._asked(),
             "last": self.last,
             "part": self._part(),
+            "picture": {
+                "origin": dict(self.origin),
+                "film_layers": self.scene.film_layers,
+                "filtered": self.config.filter.kind != "box",
+                "voxel_size_mm": self.scene.pool.voxel_size_mm,
+                "exposure": self.config.exposure,
+            },
             "tiles": [tile.window for tile in self.tiles],
             "counts": asdict(self.kernel.counts),
             "counts_before": asdict(self.counts_before if begun is not None else self.kernel.counts),

@@ -15,6 +15,7 @@ from pydantic import BaseModel
 
 from weft.files.errors import MergeError
 
+from .config import RenderConfig
 from .gpu.shader_source import SHADER_FOLDER
 from .scene import Scene
 
@@ -32,6 +33,20 @@ def scene_identity(scene: Scene, volume_sha256: str, device: str) -> dict[str, A
         "weft": weft_version(),
         "shaders": shaders_sha256(),
         "device": device,
+    }
+
+
+def picture_origin(config: RenderConfig, device: str) -> dict[str, str]:
+    """Attributes of a picture's file that say where it comes from."""
+    text = json.dumps(without_folders(config.model_dump()))
+    return {
+        "weft.version": weft_version(),
+        "weft.config": text,
+        "weft.configSha256": hashlib.sha256(text.encode()).hexdigest(),
+        "weft.window": ", ".join(str(n) for n in config.window),
+        "weft.seed": str(config.seed),
+        "weft.device": device,
+        "weft.extinction": config.extinction,
     }
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -16,7 +14,7 @@ from weft.voxelize.grid import FiberVolume
 
 from .config import RenderConfig
 from .exposure import WHOLE, Exposure, Keeping, Progress, Share, never
-from .identity import scene_identity, weft_version, without_folders
+from .identity import picture_origin, scene_identity
 from .image import write_exr, write_preview
 from .kernel import Kernel, KernelOptions
 from .scene import Scattering, build_scene
@@ -102,6 +100,7 @@ def run(
                 kernel,
                 scene,
                 identity=identity,
+                origin=picture_origin(config, device_name(context)),
                 keeping=keeping,
                 share=share,
                 stop=stop,
@@ -141,17 +140,9 @@ def save(result: RenderResult, path: str | Path) -> None:
 
 def attributes(result: RenderResult) -> dict[str, object]:
     """Where the picture comes from, for the file's header."""
-    text = json.dumps(without_folders(result.config.model_dump()))
     s = result.statistics
-    return {
-        "weft.version": weft_version(),
-        "weft.config": text,
-        "weft.configSha256": hashlib.sha256(text.encode()).hexdigest(),
+    return picture_origin(result.config, s.device) | {
         "weft.samplesPerPixel": s.samples_per_pixel,
         "weft.complete": int(result.complete),
-        "weft.window": ", ".join(str(n) for n in result.config.window),
-        "weft.seed": str(result.config.seed),
-        "weft.device": s.device,
         "weft.cutPaths": str(s.cut_paths),
-        "weft.extinction": result.config.extinction,
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -46,6 +47,22 @@ class PictureOptions:
         return tuple(f"render.{name}={value}" for name, value in asked.items())
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ShareOptions:
+    """Which share of the samples, for several machines; `weft merge` joins them."""
+
+    blocks: str | None = None
+    """Blocks of render.block_samples samples, FIRST:END, as in 0:8."""
+    tiles: str | None = None
+    """Tiles of the picture, FIRST:END, counted row by row."""
+    tile_size: int = 128
+    """Width and height of a tile [pixels]."""
+    share: Path | None = None
+    """The file to write. Default: in the folder shares of the results, named after blocks and tiles."""
+
+
+NO_SHARE_OPTIONS = ShareOptions()
 NO_PICTURE_OPTIONS = PictureOptions()
 
 

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from .app import app
 from .options import NO_JOB_OPTIONS, NO_RUN_OPTIONS, JobOptions, RunOptions
-from .render_options import NO_PICTURE_OPTIONS, PictureOptions
+from .render_options import NO_PICTURE_OPTIONS, NO_SHARE_OPTIONS, PictureOptions, ShareOptions
 
 
 @app.command
@@ -132,10 +132,11 @@ def render(
     job: Path,
     *,
     picture: PictureOptions = NO_PICTURE_OPTIONS,
+    part: ShareOptions = NO_SHARE_OPTIONS,
     options: JobOptions = NO_JOB_OPTIONS,
     how: RunOptions = NO_RUN_OPTIONS,
 ) -> None:
-    """Render the volume that is there. Writes image.exr and image.png.
+    """Render the volume that is there. Writes image.exr and image.png, or a share of them.
 
     Parameters
     ----------
@@ -143,4 +144,20 @@ def render(
         The TOML file of the job.
     """
     overrides = (*options.overrides, *picture.overrides())
-    _run_stage("render", job, replace(options, overrides=overrides), how)
+    asked = replace(options, overrides=overrides)
+    if part.blocks is None and part.tiles is None:
+        _run_stage("render", job, asked, how)
+        return
+    from weft.pipeline.config import load
+    from weft.pipeline.progress import reporter
+    from weft.pipeline.shares import render_shares
+
+    render_shares(
+        load(job, asked.overrides, asked.output),
+        blocks=part.blocks,
+        tiles=part.tiles,
+        tile_size=part.tile_size,
+        share=part.share,
+        resume=how.resume,
+        report=reporter(how.progress),
+    )

@@ -1,0 +1,161 @@
+"""Runs that end early leave a checkpoint and a picture; resumed, they make the bits of a run that did not."""
+
+from __future__ import annotations
+
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from weft.pipeline.cli import exit_code
+from weft.renderer.checkpoint import read_checkpoint
+from weft.renderer.image import read_exr
+
+from .test_cli import KNIT, job
+
+pytestmark = pytest.mark.gl
+
+SETTINGS = ("--set", "render.resolution=[32,32]", "--set", "render.samples_per_pixel=64")
+OFTEN = ("--set", "output.checkpoint_s=0.1")
+
+
+def command(path, *arguments):
+    return [sys.executable, "-m", "weft.pipeline.cli", "render", str(path), *SETTINGS, *arguments]
+
+
+def start(path, *arguments, **how):
+    return subprocess.Popen(
+        command(path, *arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how
+    )
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    """A job whose volume is there, and its picture."""
+    path = job(tmp_path_factory.mktemp("knit"), KNIT)
+    assert exit_code(["run", str(path), *SETTINGS]) == 0
+    return path, read_exr(path.parent / "job.out" / "image.exr")[0]
+
+
+@pytest.fixture
+def fresh(rendered):
+    """The job without its picture."""
+    path, picture = rendered
+    for file in (path.parent / "job.out").glob("image*"):
+        file.unlink()
+    return path, picture, path.parent / "job.out"
+
+
+def assert_same(file, picture):
+    channels, header = read_exr(file)
+    assert header["weft.complete"] == 1
+    for name, data in picture.items():
+        np.testing.assert_array_equal(channels[name], data, err_msg=name)
+
+
+def wait_for(file, process, seconds=60):
+    end = time.monotonic() + seconds
+    while not file.is_file() and process.poll() is None and time.monotonic() < end:
+        time.sleep(0.02)
+    assert file.is_file(), process.communicate()
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_leaves_a_checkpoint_and_a_picture(fresh, sent, code):
+    path, picture, out = fresh
+    process = start(path, *OFTEN, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+    wait_for(out / "image.checkpoint.exr", process)
+    process.send_signal(sent)
+    _, complaint = process.communicate(timeout=60)
+    assert process.returncode == code, complaint
+    assert "--resume goes on from it" in complaint.splitlines()[-1]
+    assert read_checkpoint(out / "image.checkpoint.exr").units is not None
+    channels, header = read_exr(out / "image.exr")
+    assert header["weft.complete"] == 0
+    here = channels["samples"] == 64
+    np.testing.assert_array_equal(channels["G"][here], picture["G"][here])
+    assert exit_code(["render", str(path), *SETTINGS, "--resume"]) == 0
+    assert_same(out / "image.exr", picture)
+
+
+def kill_and_resume(fresh, kills, seed):
+    """Kill at random moments, from the start of the process on, until it has been killed so often."""
+    path, picture, out = fresh
+    chance = random.Random(seed)
+    checkpoint = out / "image.checkpoint.exr"
+    survived = 0
+    for _ in range(kills):
+        process = start(path, *OFTEN, "--resume", "--force")
+        try:
+            process.communicate(timeout=chance.uniform(0.3, 3.0))
+            survived += 1
+            checkpoint.unlink(missing_ok=True)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+        if checkpoint.is_file():
+            read_checkpoint(checkpoint)
+    assert exit_code(["render", str(path), *SETTINGS, "--resume", "--force"]) == 0
+    assert_same(out / "image.exr", picture)
+    return survived
+
+
+def test_kill_9_three_times(fresh):
+    kill_and_resume(fresh, 3, seed=1)
+
+
+@pytest.mark.proof
+def test_kill_9_two_hundred_times(fresh):
+    """Eight runs, each killed 25 times and then finished."""
+    for seed in range(8):
+        survived = kill_and_resume(fresh, 25, seed)
+        print(f"25 kills, {survived} of them after the end")
+
+
+def test_a_full_disk_keeps_the_previous_checkpoint_and_ends_with_5(fresh, tmp_path):
+    """The largest file allowed is smaller than the next checkpoint."""
+    path, picture, out = fresh
+    process = start(path, *OFTEN)
+    wait_for(out / "image.checkpoint.exr", process)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    checkpoint = out / "image.checkpoint.exr"
+    before = checkpoint.read_bytes()
+    limit = 300_000
+    assert len(before) > limit
+    process = start(
+        path,
+        *OFTEN,
+        "--resume",
+        "--force",
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    _, complaint = process.communicate(timeout=60)
+    assert process.returncode == 5, complaint
+    assert "no space left" in complaint.splitlines()[-1]
+    assert checkpoint.read_bytes() == before
+    assert not list(out.glob(".image*"))
+    assert exit_code(["render", str(path), *SETTINGS, "--resume"]) == 0
+    assert_same(out / "image.exr", picture)
+
+
+def test_shares_of_the_command_line_are_merged(fresh, capsys):
+    path, picture, out = fresh
+    for arguments in (["--blocks", "0:1"], ["--blocks", "1:4", "--tiles", "0:3", "--tile-size", "16"]):
+        assert exit_code(["render", str(path), *SETTINGS, *arguments]) == 0
+    shares = sorted(str(file) for file in (out / "shares").iterdir())
+    merged = str(out / "merged.exr")
+    assert exit_code(["merge", *shares, "-o", merged]) == 3
+    assert "samples: 16 to 64" in capsys.readouterr().err
+    last = ["--blocks", "1:4", "--tiles", "3:4", "--tile-size", "16"]
+    assert exit_code(["render", str(path), *SETTINGS, *last]) == 0
+    shares = [str(file) for file in (out / "shares").iterdir()]
+    assert exit_code(["merge", *shares, "-o", merged]) == 0
+    assert_same(merged, picture)
+    assert exit_code(["render", str(path), *SETTINGS, "--blocks", "5:9"]) == 2
+    assert "the picture has 4 blocks (64 samples in blocks of 16)" in capsys.readouterr().err
