@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from weft.pipeline.cli import exit_code
-from weft.renderer.checkpoint import read_checkpoint
+from weft.renderer.checkpoint import read_checkpoint, write_checkpoint
 from weft.renderer.image import read_exr
 
 from .test_cli import KNIT, job
@@ -117,28 +117,26 @@ def test_kill_9_two_hundred_times(fresh):
         print(f"25 kills, {survived} of them after the end")
 
 
-def test_a_full_disk_keeps_the_previous_checkpoint_and_ends_with_5(fresh, tmp_path):
-    """The largest file allowed is smaller than the next checkpoint."""
+def test_a_full_disk_keeps_the_previous_checkpoint_and_ends_with_5(fresh, monkeypatch, capsys):
+    """A checkpoint that hits a limit on the size of files, as on a disk that fills up."""
     path, picture, out = fresh
-    process = start(path, *OFTEN)
-    wait_for(out / "image.checkpoint.exr", process)
-    process.send_signal(signal.SIGTERM)
-    process.communicate(timeout=60)
-    checkpoint = out / "image.checkpoint.exr"
-    before = checkpoint.read_bytes()
-    limit = 300_000
-    assert len(before) > limit
-    process = start(
-        path,
-        *OFTEN,
-        "--resume",
-        "--force",
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-    )
-    _, complaint = process.communicate(timeout=60)
-    assert process.returncode == 5, complaint
-    assert "no space left" in complaint.splitlines()[-1]
-    assert checkpoint.read_bytes() == before
+    checkpoint, soft = out / "image.checkpoint.exr", resource.getrlimit(resource.RLIMIT_FSIZE)
+    written = []
+
+    def on_a_disk_that_fills_up(*arguments):
+        if len(written) == 3:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (len(written[-1]) // 2, soft[1]))
+        try:
+            write_checkpoint(*arguments)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, soft)
+        written.append(checkpoint.read_bytes())
+
+    monkeypatch.setattr("weft.renderer.exposure.write_checkpoint", on_a_disk_that_fills_up)
+    assert exit_code(["render", str(path), *SETTINGS, "--set", "output.checkpoint_s=0"]) == 5
+    monkeypatch.undo()
+    assert "image.checkpoint.exr: no space left on the disk" in capsys.readouterr().err
+    assert checkpoint.read_bytes() == written[2]
     assert not list(out.glob(".image*"))
     assert exit_code(["render", str(path), *SETTINGS, "--resume"]) == 0
     assert_same(out / "image.exr", picture)

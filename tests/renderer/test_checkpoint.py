@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from contextlib import nullcontext
 
 import numpy as np
@@ -216,3 +217,20 @@ def test_a_full_disk_leaves_the_previous_checkpoint(tmp_path, kept, monkeypatch)
         monkeypatch.undo()
         assert path.read_bytes() == kept
         assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_disk_that_fills_up_at_any_byte_leaves_the_previous_checkpoint(tmp_path, kept):
+    """A limit on the size of files, so that the writes themselves fail."""
+    path = tmp_path / "a.exr"
+    path.write_bytes(kept)
+    before, soft = read_checkpoint(path), resource.getrlimit(resource.RLIMIT_FSIZE)
+    for limit in [0, 1, 7, len(kept) - SEAL_BYTES, len(kept) - 1, *range(100, len(kept), len(kept) // 40)]:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, soft[1]))
+        try:
+            with pytest.raises(DiskSpaceError):
+                write_checkpoint(path, before)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, soft)
+        assert path.read_bytes() == kept
+        assert list(tmp_path.iterdir()) == [path]
+    write_checkpoint(path, before)
