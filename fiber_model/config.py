@@ -245,6 +245,15 @@ class FibersConfig(FiberValues):
             )
         return values
 
+    @model_validator(mode="after")
+    def _migration_has_a_range(self) -> FibersConfig:
+        for name, values in {"": self, **{name: self.for_type(name) for name in self.by_type}}.items():
+            low, high = values.migration_min, values.migration_max
+            if low > high:
+                where = f"by_type.{name}: " if name else ""
+                raise ValueError(f"{where}migration_min {low:g} must not exceed migration_max {high:g}")
+        return self
+
     def for_type(self, name: str) -> FibersConfig:
         """The settings of one yarn type: these, with that type's own values on top."""
         own = self.by_type.get(name)

@@ -22,15 +22,18 @@ CHEAP_YARN_LENGTH_MM = 50_000.0
 """Up to this, laying out the fibers for the memory estimate takes a few seconds."""
 
 
-def check_job(job: Job) -> Iterator[str]:
-    """Lines about the job. Raises `InputError` for what the run would refuse."""
+def check_job(job: Job, *, fit_first: bool = False) -> Iterator[str]:
+    """Lines about the job. Raises `InputError` for what the run would refuse.
+
+    `fit_first`: [scattering] holds stand-ins for values that the job's fit has yet to find.
+    """
     with placed_in(job.document):
-        lines = list(_checked(job, needed(job, CHAIN, targets(job))))
+        lines = list(_checked(job, needed(job, CHAIN, targets(job)), fit_first))
     yield f"{shown(job.path)}: no mistakes found"
     yield from lines
 
 
-def _checked(job: Job, names: list[str]) -> Iterator[str]:
+def _checked(job: Job, names: list[str], fit_first: bool) -> Iterator[str]:
     yield f"results in {shown(job.output)}: {', '.join(names)}"
     if "voxelize" in names:
         refuse_unwritable_formats(job)
@@ -50,7 +53,8 @@ def _checked(job: Job, names: list[str]) -> Iterator[str]:
         parts = CHAIN[name].parts(job)
         for part in parts:
             files = f" {next(iter(CHAIN[name].outputs(part).values()))}" if len(parts) > 1 else ""
-            yield f"{name}{files}: {_state(part, name)}"
+            waits = fit_first and name in ("scattering", "render")
+            yield f"{name}{files}: {'would run, after the fit' if waits else _state(part, name)}"
 
 
 def _yarns(job: Job) -> YarnSet:

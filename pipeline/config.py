@@ -139,10 +139,18 @@ class JobConfig(_Table):
 
 
 def load(
-    path: Path, overrides: Sequence[str] = (), output: Path | None = None, *, only: Sequence[str] = ()
+    path: Path,
+    overrides: Sequence[str] = (),
+    output: Path | None = None,
+    *,
+    only: Sequence[str] = (),
+    pending_fit: Path | None = None,
 ) -> Job:
-    """Raises `InputError` with one line for every mistake in the job. `only`: look at these tables alone."""
-    return load_job(path, overrides, model=JobConfig, output=output, only=only)
+    """Raises `InputError` with one line for every mistake in the job. `only`: look at these tables alone.
+
+    `pending_fit`: a file of fitted parameters that need not be there yet; a preset stands in for it.
+    """
+    return load_job(path, overrides, model=JobConfig, output=output, only=only, pending_fit=pending_fit)
 
 
 def job_schema() -> dict[str, Any]:

@@ -31,8 +31,14 @@ OPENVDB_PACKAGES = (
     'until then use voxelize.formats = ["nvdb"]'
 )
 LIBRARIES = ("numpy", "scipy", "pydantic", "cyclopts", "rich", "moderngl", "pillow", "trimesh", "pyvista")
-EXTRAS = {"xatlas": "weft[garments]", "usd-core": "weft[usd]"}
-"""Packages that some inputs need, and what installs them: meshes without (u, v), and USD files."""
+EXTRAS = {
+    "xatlas": "weft[garments]",
+    "usd-core": "weft[usd]",
+    "viser": "weft[view]",
+    "distributed": "distributed",
+}
+"""Packages that only some work needs, and what installs them: meshes without (u, v), USD files, `weft view`,
+and rendering on several machines."""
 
 PROBE = "import sys; from weft.pipeline.doctor import print_probe; print_probe(sys.argv[1])"
 
@@ -98,7 +104,8 @@ def library_findings() -> list[Finding]:
 def _extra_finding(name: str, extra: str) -> Finding:
     version = library_versions([name])[name]
     good = version != "not installed"
-    return Finding(name, good, version, f"pip install '{extra}', or pip install {name}", needed=False)
+    cure = f"pip install '{extra}', or pip install {name}" if extra != name else f"pip install {name}"
+    return Finding(name, good, version, cure, needed=False)
 
 
 def _probe_apart(name: str) -> Finding:

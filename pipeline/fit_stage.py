@@ -83,6 +83,15 @@ def run_fit_first(
     return True
 
 
+def fit_to_come(path: Path, overrides: Sequence[str], output: Path | None) -> Path | None:
+    """The result of the job's fit, where its [scattering] takes it and it is not made yet."""
+    job = load(path, overrides, output, only=FIT_TABLES)
+    if not job.has("fit"):
+        return None
+    result: Path = job.output / job.table("fit").result
+    return result if not result.is_file() and _scattering_takes(result, path, overrides) else None
+
+
 def _scattering_takes(result: Path, path: Path, overrides: Sequence[str]) -> bool:
     """Whether a `fit = "…"` in [scattering] or a type of it names this file."""
     part = sub_table(read_job(path, overrides), ("scattering",))

@@ -52,13 +52,17 @@ def load_job(
     model: type[BaseModel],
     output: Path | None = None,
     only: Sequence[str] = (),
+    pending_fit: Path | None = None,
 ) -> Job:
-    """Raises `InputError` with one line for every mistake in the job. `only`: look at these tables alone."""
+    """Raises `InputError` with one line for every mistake in the job. `only`: look at these tables alone.
+
+    `pending_fit`: a file of fitted parameters that need not be there yet; a preset stands in for it.
+    """
     document = read_job(path, overrides)
     for name in [name for name in document.table if only and name not in only]:
         document = without(document, name)
     problems: list[Problem] = []
-    document = apply_presets(document, problems)
+    document = apply_presets(document, problems, pending_fit=pending_fit)
     try:
         config = model.model_validate(document.table)
     except ValidationError as error:

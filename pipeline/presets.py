@@ -4,7 +4,9 @@ or, in [scattering], `fit = "cotton_fit.json"`, a file of fitted parameters.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -21,6 +23,8 @@ CONFIGS = Path(__file__).resolve().parent.parent / "configs"
 FAMILIES = ("fibers", "scattering")
 """The tables of a job that take presets, named as the folders under configs/presets/."""
 
+STAND_IN = "reference"
+"""The scattering preset that stands in for a fit that is not made yet, to check the rest of a job."""
 BY_TYPE = ("scattering", "by_type")
 """Tables of single yarn types: each is [scattering] with some keys changed, or another preset."""
 
@@ -29,9 +33,17 @@ def preset_names(family: str) -> list[str]:
     return sorted(file.stem for file in (CONFIGS / "presets" / family).glob("*.toml"))
 
 
-def apply_presets(document: TomlDocument, problems: list[Problem]) -> TomlDocument:
-    """Each table that names a preset or a fit, completed by it. What is wrong is added to `problems`."""
+def apply_presets(
+    document: TomlDocument, problems: list[Problem], *, pending_fit: Path | None = None
+) -> TomlDocument:
+    """Each table that names a preset or a fit, completed by it. What is wrong is added to `problems`.
+
+    The values of `pending_fit`, a file that a fit has yet to make, are stood in for by a preset's.
+    """
     document = _complete_types(document)
+    if pending_fit is not None:
+        for path in _tables_naming("fit", document, BY_TYPE[:1]):
+            document = _standing_in(document, path, pending_fit)
     for family in FAMILIES:
         for path in _tables_naming("preset", document, (family,)):
             document = _complete(document, family, path, problems)
@@ -84,6 +96,26 @@ def _complete(
         return document
     preset = read_toml(CONFIGS / "presets" / family / f"{name}.toml")
     return _laid_under(document, preset, path)
+
+
+def _standing_in(document: TomlDocument, path: tuple[str, ...], pending: Path) -> TomlDocument:
+    """The document with a preset in place of the fit that the table at `path` names, if it is this one."""
+    part = _part(document, path)
+    named = part.table["fit"]
+    if os.path.realpath(Path(named.folder, named)) != os.path.realpath(pending):
+        return document
+    preset = read_toml(CONFIGS / "presets" / "scattering" / f"{STAND_IN}.toml")
+    completed = merge(preset, without(part, "fit"))
+    origins = {key: origin for key, origin in document.origins.items() if key != (*path, "fit")}
+    return TomlDocument(
+        _replaced(document.table, path, completed.table), {**origins, **placed_at(completed, path).origins}
+    )
+
+
+def _replaced(table: dict[str, Any], path: tuple[str, ...], value: Any) -> dict[str, Any]:
+    """The table with another value at `path`."""
+    first, *rest = path
+    return {**table, first: _replaced(table[first], tuple(rest), value) if rest else value}
 
 
 def _complete_by_fit(document: TomlDocument, path: tuple[str, ...], problems: list[Problem]) -> TomlDocument:

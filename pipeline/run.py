@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import datetime
 import fcntl
+import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from weft.files.errors import InputError
 
@@ -20,6 +21,7 @@ from .progress import Reporter
 from .run_record import RunRecord, command_line, machine, seeds_in, versions_for, write_record
 from .stage import Stage, StageWork
 
+LOCK = ".lock"
 Chain = Mapping[str, Stage]
 """All stages by name, each after those it needs."""
 
@@ -182,21 +184,43 @@ def _record(
 
 @contextmanager
 def _alone_in(folder: Path, report: Reporter) -> Iterator[None]:
-    """One run at a time in an output folder; leftovers of killed runs are removed first."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = open(folder / ".lock", "w")  # noqa: SIM115  held until the run ends
-    except OSError as error:
-        raise InputError(f"cannot write here: {error.strerror}", path=shown(folder)) from error
-    with lock:
+    """One run at a time in an output folder; leftovers of killed runs are removed first.
+
+    A folder that was not there and in which nothing was made is gone again afterwards.
+    """
+    new = not folder.exists()
+    with _locked(folder, report):
+        _remove_leftovers(folder)
+        try:
+            yield
+        finally:
+            (folder / LOCK).unlink(missing_ok=True)
+            if new:
+                with suppress(OSError):
+                    folder.rmdir()
+
+
+def _locked(folder: Path, report: Reporter) -> TextIO:
+    """The lock's open file, which holds it until it is closed."""
+    while True:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = open(folder / LOCK, "w")  # noqa: SIM115  held until the run ends
+        except OSError as error:
+            raise InputError(f"cannot write here: {error.strerror}", path=shown(folder)) from error
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
+            lock.close()
             raise InputError("another weft run is working in this folder", path=shown(folder)) from error
         except OSError:
             report.note(f"note: {shown(folder)} cannot be locked; run one weft at a time in it")
-        _remove_leftovers(folder)
-        yield
+            return lock
+        # a run that ended meanwhile removed its lock: then what was locked here is no longer the folder's
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(lock.fileno()), os.stat(folder / LOCK)):
+                return lock
+        lock.close()
 
 
 def _remove_leftovers(folder: Path) -> None:

@@ -22,8 +22,11 @@ def check(job: Path, *, options: JobOptions = NO_JOB_OPTIONS) -> None:
     """
     from weft.pipeline.check import check_job
     from weft.pipeline.config import load
+    from weft.pipeline.fit_stage import fit_to_come
 
-    for line in check_job(load(job, options.overrides, options.output)):
+    pending = fit_to_come(job, options.overrides, options.output)
+    loaded = load(job, options.overrides, options.output, pending_fit=pending)
+    for line in check_job(loaded, fit_first=pending is not None):
         print(line)
 
 

@@ -149,3 +149,13 @@ def test_errors_name_the_key_of_the_yarn_type(fiber_config) -> None:
         ("by_type", "weft", "plies"),
         ("by_type", "weft", "fuz"),
     ]
+
+
+def test_a_range_of_migration_that_ends_before_it_begins_is_refused(fiber_config) -> None:
+    values = fiber_config("cotton1").model_dump(exclude_unset=True)
+    with pytest.raises(ValidationError, match=r"migration_min 0.9 must not exceed migration_max 0.5"):
+        FibersConfig.model_validate(values | {"migration_min": 0.9, "migration_max": 0.5})
+    with pytest.raises(ValidationError, match=r"by_type.weft: migration_min 1 must not exceed"):
+        FibersConfig.model_validate(
+            values | {"by_type": {"weft": {"migration_min": 1.0, "migration_max": 0.5}}}
+        )

@@ -128,9 +128,9 @@ BAD_INPUTS = [
 
 
 def artifacts(folder):
-    """Everything but the sources, the yarns that a later stage was refused for, and the lock."""
+    """Everything but the sources and the yarns that a later stage was refused for."""
     made = {file.name for file in folder.rglob("*") if file.is_file()}
-    return made - {"job.toml", "yarns.bcc", "a.pyp", "yarns.npz", "yarns.run.json", ".lock"}
+    return made - {"job.toml", "yarns.bcc", "a.pyp", "yarns.npz", "yarns.run.json"}
 
 
 @pytest.mark.parametrize("bad_input", BAD_INPUTS, ids=lambda case: case.__name__)
@@ -282,7 +282,7 @@ def test_the_whole_chain_runs_and_rendering_loads_no_jax(tmp_path):
     folder = tmp_path / "job.out"
     names = ["image.exr", "image.png", "scattering.json", "volume.vdb", "yarns.npz"]
     records = ["image.run.json", "scattering.run.json", "volume.run.json", "yarns.run.json"]
-    assert sorted(name for name in os.listdir(folder) if name != ".lock") == sorted(names + records)
+    assert sorted(os.listdir(folder)) == sorted(names + records)
     before = {name: (folder / name).read_bytes() for name in names}
 
     again = weft("run", path, "--force", cwd="/")

@@ -44,6 +44,20 @@ def test_the_same_job_writes_the_same_bytes(job):
     assert {name: (job.parent / "job.out" / name).read_bytes() for name in names} == first
 
 
+def test_check_knows_that_the_fit_is_to_come(job, capsys):
+    assert exit_code(["check", str(job)]) == 0
+    assert "scattering: would run, after the fit" in capsys.readouterr().out
+    job.write_text(JOB.replace("job.out/fit.json", "job.out/other.json"), encoding="utf-8")
+    assert exit_code(["check", str(job)]) == 2
+    assert "file not found" in capsys.readouterr().err
+
+
+def test_check_finds_mistakes_beside_a_fit_to_come(job, capsys):
+    job.write_text(JOB + "color_tt = 3\n", encoding="utf-8")
+    assert exit_code(["check", str(job)]) == 2
+    assert "job.toml:7: scattering.color_tt" in capsys.readouterr().err
+
+
 def test_what_cannot_be_fitted_exits_2_with_the_reason(job, capsys):
     data = synthetic(random_truth(np.random.default_rng(1)), seed=1)
     save_measurements(take(data, np.arange(len(data)) < 5), job.parent / "fiber.npz")

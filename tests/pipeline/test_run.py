@@ -241,3 +241,15 @@ def test_the_key_in_the_record_is_json_of_plain_values(runs):
     key = json.loads((runs.folder.output / "thread.run.json").read_text())["key"]
     assert key["thread.size_mm"] == [1.0, 2.0]
     assert key["thread.file"].startswith(".txt sha256:")
+
+
+def test_a_refused_run_leaves_no_folder_and_a_run_no_lock(runs):
+    with pytest.raises(InputError, match="does not exist yet"):
+        runs.run_one("cloth")
+    assert not runs.folder.output.exists()
+    runs.run()
+    assert not (runs.folder.output / ".lock").exists()
+    (runs.folder.output / "thread.txt").unlink()
+    with pytest.raises(InputError, match="does not exist yet"):
+        runs.run_one("cloth")
+    assert (runs.folder.output / "cloth.txt").exists()

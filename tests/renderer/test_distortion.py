@@ -1,4 +1,4 @@
-"""Lens distortion: a grid of lamps appears where Brown's formula says; lenses without a picture are refused."""
+"""Lens distortion: lamps appear where the formula of Brown says; lenses without a picture are refused."""
 
 from __future__ import annotations
 
