@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from .cache import stamp_of
 from .inspect_measurements import measurement_facts
 from .messages import did_you_mean
 from .run_record import parse_record, read_record
+
+if TYPE_CHECKING:
+    from weft.voxelize.grid import FiberGrid
 
 Facts = dict[str, Any]
 """What is said of a file, by name."""
@@ -290,6 +293,7 @@ def _volume(path: Path) -> Facts:
             "volume fraction": _range(grid.density),
             "fiber radius [mm]": grid.fiber_radius_mm,
             "fiber length [mm]": grid.fiber_length_mm,
+            **_mean_color(grid),
         }
         for name, grid in volume.grids.items()
     }
@@ -302,6 +306,13 @@ def _volume(path: Path) -> Facts:
         # reading refuses files whose content and hash disagree
         "content hash": volume.content_sha256,
     }
+
+
+def _mean_color(grid: FiberGrid) -> Facts:
+    if grid.albedo is None:
+        return {}
+    weight = grid.density.astype(np.float64)
+    return {"mean color": (np.einsum("bv,bvc->c", weight, grid.albedo) / max(weight.sum(), 1e-300)).tolist()}
 
 
 def _foreign_facts(summaries: list[dict[str, Any]]) -> Facts:

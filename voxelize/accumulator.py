@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .grid import BRICK_SIZE, CHANNELS, MOMENTS, empty_values
+from .grid import BRICK_SIZE, CHANNELS, MOMENTS, OPTIONAL, empty_values
 from .native_tiles import NativeTileSums, has_native_tiles
 from .tile_sums import SUM_BYTES, OpenTile, TilePlace, TileSums, units_per_voxel
 from .tiles import VoxelBox
@@ -35,6 +35,7 @@ class BrickBatch:
     direction: np.ndarray
     moment_diag: np.ndarray | None = None
     moment_off: np.ndarray | None = None
+    albedo: np.ndarray | None = None
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
@@ -71,9 +72,9 @@ class TileAccumulator:
         else:
             self._sums = NativeTileSums(bricks_per_side)
 
-    def open(self, origin: np.ndarray, region: VoxelBox, lines: np.ndarray) -> OpenTile:
-        """The tile that begins at voxel `origin`, cut to the region; `lines` as in `TilePlan`."""
-        place = TilePlace(
+    def place(self, origin: np.ndarray, region: VoxelBox, lines: np.ndarray) -> TilePlace:
+        """Of the tile that begins at voxel `origin`, cut to the region; `lines` as in `TilePlan`."""
+        return TilePlace(
             origin=origin,
             low=np.maximum(origin, region.low),
             high=np.minimum(origin + self._tile_voxels, region.high),
@@ -81,13 +82,18 @@ class TileAccumulator:
             lines=lines,
             region_mm=np.stack([region.low, region.high]) * self._voxel_size_mm,
         )
+
+    def open(self, origin: np.ndarray, region: VoxelBox, lines: np.ndarray) -> OpenTile:
+        """The tile at that place."""
         self._units = units_per_voxel(len(lines))
-        return self._sums.open(place)
+        return self._sums.open(self.place(origin, region, lines))
 
     def resolve(self, origin: np.ndarray, fiber_radius_mm: float) -> BrickBatch:
         """The tile's occupied bricks; its sums are clear afterwards."""
         bricks = np.flatnonzero(self._sums.used).astype(np.int32)
-        names = [name for name in CHANNELS if name not in MOMENTS or self._second_moment]
+        names = [
+            name for name in CHANNELS if name not in OPTIONAL or (name in MOMENTS and self._second_moment)
+        ]
         channels = {name: empty_values(len(bricks), name) for name in names}
         # phi = pi a^2 lambda, with lambda h^3 the length in the voxel
         per_unit = math.pi * fiber_radius_mm**2 / (self._voxel_size_mm**2 * self._units)

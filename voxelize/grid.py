@@ -18,7 +18,8 @@ from .report import VoxelizeReport
 BRICK_SIZE = 8
 BRICK_VOXELS = BRICK_SIZE**3
 MOMENTS = ("moment_diag", "moment_off")
-CHANNELS = {"density": 1, "direction": 3, "moment_diag": 3, "moment_off": 3}
+OPTIONAL = (*MOMENTS, "albedo")
+CHANNELS = {"density": 1, "direction": 3, "moment_diag": 3, "moment_off": 3, "albedo": 3}
 """What a brick may hold, by the name of the field: numbers per voxel."""
 COORDINATE_LIMIT = 2**30
 """Voxel coordinates stay below this in size, so that sums of two fit 32 bits."""
@@ -44,6 +45,8 @@ class FiberGrid:
     """Second moment T = sum l t t^T / sum l: xx, yy, zz, float32, shape [brick_count, 512, 3]; trace 1."""
     moment_off: np.ndarray | None = None
     """Its xy, xz and yz."""
+    albedo: np.ndarray | None = None
+    """Mean color of the fibers, linear RGB, weighted by length, float32, shape [brick_count, 512, 3]."""
 
     def __post_init__(self) -> None:
         for name in ("voxel_size_mm", "fiber_radius_mm"):
@@ -56,7 +59,7 @@ class FiberGrid:
         _check_array("direction", self.direction, np.float32, (count, BRICK_VOXELS, 3))
         if (self.moment_diag is None) != (self.moment_off is None):
             raise ValueError("of the second moment one half is missing")
-        for name in MOMENTS:
+        for name in OPTIONAL:
             if getattr(self, name) is not None:
                 _check_array(name, getattr(self, name), np.float32, (count, BRICK_VOXELS, 3))
         _check_origins(self.origins)

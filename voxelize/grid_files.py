@@ -19,6 +19,7 @@ GRID_NAMES = {
     "direction": "fiber_dir",
     "moment_diag": "moment_diag",
     "moment_off": "moment_off",
+    "albedo": "albedo",
 }
 """What the channels are called in files."""
 

@@ -80,7 +80,7 @@ def _reader(grid: FiberGrid) -> Read:
 
 
 def _join(fine: FiberGrid, batches: list[BrickBatch], factor: int) -> FiberGrid:
-    names = list(fine.channels)
+    names = [name for name in fine.channels if name in WIDTH]
     origins = np.concatenate([np.empty((0, 3), np.int32), *(batch.origins for batch in batches)])
     order = np.lexsort((origins[:, 2], origins[:, 1], origins[:, 0]))
     arrays = {
@@ -127,7 +127,7 @@ def coarsen_values(
     corner = origins[0] // (BRICK_SIZE * side) * side
     place = origins // BRICK_SIZE - corner
     coarse = np.unique(place // factor, axis=0).astype(np.int32)
-    names = list(values)
+    names = [name for name in values if name in WIDTH]
     results = {name: _lobe_zeros(lobes, len(coarse), name) for name in names}
     empty = {name: _lobe_zeros(lobes, 0, name) for name in MOMENTS if name not in names}
     errors = np.zeros((len(coarse), BRICK_VOXELS, 3))

@@ -24,6 +24,9 @@ INDEX_BYTES = 320
 WORKING_BYTES = BRICK_VOXELS * (SUM_BYTES + 3 * 16)
 """Of a brick while its tile is being filled: sums, and its values thrice, as made, packed and hashed."""
 
+ALBEDO_BYTES = BRICK_VOXELS * (32 + 3 * 12 + 24)
+"""What its colors take besides: sums, values thrice, and one copy in float64."""
+
 SMALLEST_TILE = 16
 """Voxels along the edge; smaller tiles would make every strand tens of times."""
 
@@ -90,13 +93,19 @@ def memory_budget(memory_mb: float | None) -> int:
     return available if memory_mb is None else min(available, int(memory_mb * 2**20) - resident_bytes())
 
 
-def tile_bytes(tile_voxels: int) -> int:
+def tile_bytes(tile_voxels: int, *, albedo: bool = False) -> int:
     """What one worker holds for a tile whose bricks are all occupied."""
-    return (tile_voxels // BRICK_SIZE) ** 3 * WORKING_BYTES
+    return (tile_voxels // BRICK_SIZE) ** 3 * (WORKING_BYTES + albedo * ALBEDO_BYTES)
 
 
 def fit_tiles(
-    brick_count: float, *, voxel_size_mm: float, tile_voxels: int, workers: int, memory_mb: float | None
+    brick_count: float,
+    *,
+    voxel_size_mm: float,
+    tile_voxels: int,
+    workers: int,
+    memory_mb: float | None,
+    albedo: bool = False,
 ) -> tuple[int, int]:
     """Size of tiles and number of workers that keep a streamed voxelization of so many bricks within memory.
 
@@ -105,13 +114,13 @@ def fit_tiles(
     budget = memory_budget(memory_mb)
     room = budget - brick_count * INDEX_BYTES
     tile = tile_voxels
-    while tile > SMALLEST_TILE and tile_bytes(tile) > room:
+    while tile > SMALLEST_TILE and tile_bytes(tile, albedo=albedo) > room:
         tile = max(tile // 2 // BRICK_SIZE * BRICK_SIZE, SMALLEST_TILE)
-    if tile_bytes(tile) > room:
+    if tile_bytes(tile, albedo=albedo) > room:
         held = resident_bytes()
-        needed = brick_count * INDEX_BYTES + tile_bytes(tile) + held
-        _refuse(needed, budget + held, held + tile_bytes(tile), voxel_size_mm, memory_mb)
-    return tile, int(max(1, min(workers, room // tile_bytes(tile))))
+        needed = brick_count * INDEX_BYTES + tile_bytes(tile, albedo=albedo) + held
+        _refuse(needed, budget + held, held + tile_bytes(tile, albedo=albedo), voxel_size_mm, memory_mb)
+    return tile, int(max(1, min(workers, room // tile_bytes(tile, albedo=albedo))))
 
 
 def refuse_what_does_not_fit(

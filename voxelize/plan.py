@@ -38,6 +38,7 @@ class TilePlan:
     lines: list[np.ndarray]
     """Of each medium, as `fiber_lines`."""
     second_moment: bool
+    albedo: bool = False
 
 
 def checked_region(config: VoxelizeConfig, source: Source) -> VoxelBox:
@@ -103,4 +104,4 @@ def plan_tiles(config: VoxelizeConfig, source: Source, region: VoxelBox, tile_vo
             items = members[work.items]
             jobs.append(TileJob(medium, replace(work, items=items), int(cost[items].sum())))
     lines = fiber_lines(config, source)
-    return TilePlan(config.size_mm, region, tile_voxels, jobs, lines, config.second_moment)
+    return TilePlan(config.size_mm, region, tile_voxels, jobs, lines, config.second_moment, config.albedo)

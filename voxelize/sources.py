@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
@@ -21,6 +21,10 @@ SEGMENTS_PER_BLOCK = 64
 
 POINTS_AT_ONCE = 1 << 16
 """Points of fibers made before they are added to a tile: they are still in the cache then."""
+
+
+ColoredSegments = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Points and their colors, float32, shape [n, 3], and as uint8 [n] whether a segment goes on to the next."""
 
 
 class Source(Protocol):
@@ -51,6 +55,9 @@ class Source(Protocol):
 
     def accumulate(self, tile: OpenTile, work: TileWork) -> int:
         """Add the items of `work` to the tile; the length within its region of those visited first."""
+
+    def colored(self, work: TileWork) -> Iterator[ColoredSegments]:
+        """The items' segments with colors; nothing for fibers without any."""
 
 
 class FiberSource:
@@ -85,6 +92,32 @@ class FiberSource:
             points, flags = self._make(tile.device, items, work.first_visit[begin:end])
             length += tile.add(points, flags, stride=1)
         return length
+
+    def colored(self, work: TileWork) -> Iterator[ColoredSegments]:
+        """The points of a few stretches at a time, with their colors."""
+        import warp as wp
+
+        from weft.fiber_model.color_kernels import colors_kernel
+        from weft.fiber_model.fiber_colors import has_colors
+
+        if not has_colors(self._fibers):
+            return
+        before = np.cumsum(self._points[work.items]) // POINTS_AT_ONCE
+        starts = np.flatnonzero(np.diff(before, prepend=-1))
+        for begin, end in zip(starts, np.r_[starts[1:], len(work.items)], strict=True):
+            items = work.items[begin:end]
+            points, flags = self._make("cpu", items, work.first_visit[begin:end])
+            colors = np.empty((len(points), 3), np.float32)
+            counts = self._points[items]
+            inputs = [
+                0,
+                self._tables,
+                wp.array(items.astype(np.int32), dtype=wp.int32, device="cpu"),
+                wp.array((np.cumsum(counts) - counts).astype(np.int64), dtype=wp.int64, device="cpu"),
+                wp.array(colors, dtype=wp.vec3, device="cpu", copy=False),
+            ]
+            wp.launch(colors_kernel, len(items), inputs=inputs, device="cpu")
+            yield points, colors, flags
 
     def _make(self, device: str, stretches: np.ndarray, measured: np.ndarray) -> tuple[Any, np.ndarray]:
         """The points of all strands of the stretches, and the flags of the segments that begin in them."""
@@ -143,6 +176,10 @@ class SegmentSource:
     @property
     def cost(self) -> np.ndarray:
         return np.diff(np.r_[self._starts, len(self._segments)])
+
+    def colored(self, work: TileWork) -> Iterator[ColoredSegments]:
+        """None: explicit segments are white."""
+        return iter(())
 
     def accumulate(self, tile: OpenTile, work: TileWork) -> int:
         """All at once."""

@@ -91,6 +91,7 @@ def stream_source(
         tile_voxels=config.tile_voxels,
         workers=worker_count or len(os.sched_getaffinity(0)),
         memory_mb=config.memory_mb,
+        albedo=config.albedo,
     )
     plan = plan_tiles(config, source, region, tile_voxels)
     folder = PartFolder(parts_folder(paths[0]), _key(config, source, tile_voxels))

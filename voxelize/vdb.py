@@ -21,7 +21,7 @@ import numpy as np
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 
-from .grid import CHANNELS, MOMENTS, FiberGrid, FiberVolume
+from .grid import CHANNELS, OPTIONAL, FiberGrid, FiberVolume
 from .grid_files import GRID_NAMES, SCHEMA_VERSION, about_of, grid_name, refuse_other_content
 from .openvdb_library import extension
 from .stored import StoredGrid, StoredVolume
@@ -41,6 +41,7 @@ GRID_KINDS: dict[str, dict[str, str]] = {
     "direction": {"vector_type": "contravariant relative"},
     "moment_diag": {},
     "moment_off": {},
+    "albedo": {},
 }
 """How each channel is to be taken by other programs."""
 FILE_HASH_WITHIN = 4096
@@ -228,7 +229,7 @@ def _to_volume(grids: list[dict[str, Any]], path: Path, *, verify: bool = True) 
                     {
                         channel: by_name[grid["name"].replace("density", name, 1)]
                         for channel, name in GRID_NAMES.items()
-                        if channel not in MOMENTS or grid["name"].replace("density", name, 1) in by_name
+                        if channel not in OPTIONAL or grid["name"].replace("density", name, 1) in by_name
                     }
                 )
                 for grid in densities

@@ -98,7 +98,8 @@ def _join(
     order = np.lexsort((origins[:, 2], origins[:, 1], origins[:, 0]))
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    names = [name for name in CHANNELS if name not in MOMENTS or config.second_moment]
+    wanted = {**dict.fromkeys(MOMENTS, config.second_moment), "albedo": config.albedo}
+    names = [name for name in CHANNELS if wanted.get(name, True)]
     arrays = {name: empty_values(len(origins), name) for name in names}
     begin = 0
     empty = BrickBatch(origins[:0], empty_values(0, "density"), empty_values(0, "direction"))
