@@ -277,7 +277,7 @@ def test_a_failed_write_leaves_the_earlier_file(make_grid, tmp_path):
     before = target.read_bytes()
     command = [sys.executable, "-c", WRITER, str(tmp_path / "big.vdb"), str(target)]
     result = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
-    assert result.stdout.strip() == "OSError", result.stderr
+    assert result.stdout.strip() == "DiskSpaceError", result.stderr
     assert target.read_bytes() == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["big.vdb", "target.vdb"]
 
