@@ -10,7 +10,7 @@ from weft.files.input_file import InputFile
 
 from .light_config import DiskLight, MeshLight, PointLight, QuadLight, SoftboxLight, SpotLight
 from .settings import Color, Reflectance, Settings, Vector
-from .surface_config import BallSurface, GroundSurface, MeshSurface, SweepSurface
+from .surface_config import BallSurface, GroundSurface, MeshSurface, Stencil, SweepSurface
 
 MAX_PIXELS = 1 << 25
 
@@ -229,6 +229,8 @@ class RenderConfig(Settings):
     """Lights of the world turned about the vertical axis through the volume's middle, as `orbit_deg` is."""
     surfaces: tuple[Surface, ...] = Field(default=(), max_length=1024)
     """Meshes and grounds beside the volume."""
+    stencil: Stencil | None = None
+    """Outside of it the volume is empty; unset: all of the volume is there."""
     background: Literal["environment"] | Color = (0.0, 0.0, 0.0)
     """What camera rays see that meet no fiber: a linear color, or the environment."""
     filter: PixelFilter = BoxFilter()

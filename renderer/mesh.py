@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from weft.files.errors import InputError
 
 from .surface_config import GroundSurface, MeshSurface, Placement
+
+if TYPE_CHECKING:
+    import trimesh
 
 TRIANGLE, PARALLELOGRAM, DISK = 0, 1, 2
 """What the edges from the first corner to the two others span; lights are not triangles."""
@@ -54,6 +58,11 @@ def mesh_triangles(surface: MeshSurface, material: int) -> Triangles:
 
 def load_mesh(path: Path) -> Triangles:
     """The file's triangles in its own unit. Raises `InputError` for what is not a usable mesh."""
+    return triangles_of(read_mesh(path), path)
+
+
+def read_mesh(path: Path) -> trimesh.Trimesh:
+    """The file, its vertices as they are. Raises `InputError` where it is no mesh, or not finite."""
     import trimesh
 
     if not Path(path).is_file():
@@ -67,6 +76,11 @@ def load_mesh(path: Path) -> Triangles:
     if not np.isfinite(mesh.vertices).all():
         bad = int(np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))[0])
         raise InputError(f"vertex {bad} has a coordinate that is not finite.", path=path)
+    return mesh
+
+
+def triangles_of(mesh: trimesh.Trimesh, path: Path) -> Triangles:
+    """Those that have an area; `path` is named where none has."""
     corners = np.asarray(mesh.vertices, np.float64)[mesh.faces]
     kept = has_area(corners)
     if not kept.any():

@@ -23,6 +23,7 @@ from .local_lights import LOCAL_ROWS, LocalLight, Stage, fluence_at, light_rows,
 from .pixel_filter import CELLS, KINDS, filter_uniforms
 from .scattering_block import pack_scattering, pack_symmetric_tables, symmetric_share
 from .simple_phases import IsotropicPhase, SimplePhase, flake_roughness, pack_simple, simple_constants
+from .stencil import cut_out
 from .surfaces import SurfaceTable, build_surface_table
 from .turned_lights import turned_lights
 
@@ -209,6 +210,7 @@ class Scene:
 def build_scene(config: RenderConfig, volume: FiberVolume, scattering: Mapping[str, Scattering]) -> Scene:
     """Put volume, camera and lights together. Raises `InputError` for what cannot be rendered."""
     phase = build_phase_table(volume.media, scattering)
+    volume = volume if config.stencil is None else cut_out(volume, config.stencil)
     pool = build_brick_pool(list(volume.grids.values()))
     bounds = np.asarray(volume.bounds_mm)
     camera = place_camera(config.camera, bounds, config.resolution)

@@ -97,6 +97,17 @@ class MeshSurface(Settings):
     """What it is made of."""
 
 
+class Stencil(Settings):
+    """A closed mesh; the volume is cut out along it, voxel by voxel. It is not itself seen."""
+
+    file: InputFile
+    """OBJ, PLY, glTF or STL, every edge between two triangles."""
+    unit_mm: float = Field(default=1.0, gt=0)
+    """Length of the file's unit; glTF files are in meters, 1000."""
+    placement: Placement = Placement()
+    """Where it stands."""
+
+
 class GroundSurface(Settings):
     """A square under, or behind, the volume."""
 

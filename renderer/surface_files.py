@@ -11,7 +11,7 @@ from .config import RenderConfig
 from .light_config import MeshLight
 from .materials import check_texture
 from .mesh import load_mesh
-from .surface_config import MerlMaterial, MeshSurface
+from .surface_config import MerlMaterial, MeshSurface, Stencil
 
 
 def check_surface_files(config: RenderConfig) -> Iterator[tuple[Path, str]]:
@@ -20,7 +20,7 @@ def check_surface_files(config: RenderConfig) -> Iterator[tuple[Path, str]]:
     Meshes are read whole; of textures and measured tables the header and the size.
     """
     known: set[Path] = set()
-    for surface in (*config.surfaces, *config.lights):
+    for surface in (*config.surfaces, *config.lights, config.stencil):
         for path, kind in _files(surface):
             if path in known:
                 continue
@@ -29,7 +29,7 @@ def check_surface_files(config: RenderConfig) -> Iterator[tuple[Path, str]]:
 
 
 def _files(surface: object) -> Iterator[tuple[Path, str]]:
-    if isinstance(surface, MeshSurface | MeshLight):
+    if isinstance(surface, MeshSurface | MeshLight | Stencil):
         yield surface.file, "mesh"
     material = getattr(surface, "material", None)
     if isinstance(material, MerlMaterial):
