@@ -7,6 +7,7 @@ needs them, never at the top of a file.
 from __future__ import annotations
 
 import errno
+import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -22,10 +23,18 @@ from .stop_requests import Terminated, raise_for
 
 DONE, WRONG_INPUT, NO_SPACE, INTERRUPTED, TERMINATED = 0, 2, DiskSpaceError.exit_code, 130, 143
 
+WATCHED = (["run"], ["render"])
+"""Commands whose device may hang (watchdog.py)."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit: 0 done, 2 input, 3 merge refused, 4 device, 5 disk, 130/143 interrupted."""
-    sys.exit(exit_code(sys.argv[1:] if arguments is None else arguments))
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] in WATCHED and hasattr(os, "fork"):
+        from .watchdog import watched
+
+        sys.exit(watched(given, exit_code))
+    sys.exit(exit_code(given))
 
 
 def exit_code(arguments: Sequence[str]) -> int:

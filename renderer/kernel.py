@@ -16,6 +16,7 @@ from .batches import RenderBatch
 from .brick_pool import BrickPool
 from .gpu import buffers
 from .gpu.programs import compute_program, set_uniforms
+from .heartbeat import dispatching
 from .pager import BrickPager, pool_capacity
 from .passes import MODE_IDLE, MODE_PARKED, Pass, PassState, Window, range_window, window_ranges
 from .scene import Scene
@@ -228,10 +229,11 @@ class Kernel:
     def advance(self) -> int:
         """One dispatch; the number of samples it finished. `busy` says whether the pass needs another."""
         started = time.perf_counter()
-        self.program["round_count"] = self.rounds
-        self.program.run(self.lane_count // GROUP_SIZE)
-        self.context.memory_barrier()
-        values = buffers.read(self.counters, np.uint32)
+        with dispatching(software=is_software(self.context), first=not self.counts.dispatches):
+            self.program["round_count"] = self.rounds
+            self.program.run(self.lane_count // GROUP_SIZE)
+            self.context.memory_barrier()
+            values = buffers.read(self.counters, np.uint32)
         seconds = time.perf_counter() - started
         # all but the next pixel start again from zero, so that none can pass 32 bits
         self.counters.write(np.concatenate([values[:1], np.zeros(len(values) - 1, np.uint32)]))
@@ -367,10 +369,14 @@ class Kernel:
         self.program.release()
 
 
+def is_software(context: moderngl.Context) -> bool:
+    """Whether the processor does the device's work."""
+    return any(name in context.info["GL_RENDERER"].lower() for name in ("llvmpipe", "softpipe", "swrast"))
+
+
 def default_lane_count(context: moderngl.Context) -> int:
     """Enough lanes to fill the device; few where the processor does the work, to share its caches."""
-    software = any(name in context.info["GL_RENDERER"].lower() for name in ("llvmpipe", "softpipe", "swrast"))
-    return 1 << 10 if software else 1 << 18
+    return 1 << 10 if is_software(context) else 1 << 18
 
 
 def brick_records(pool: BrickPool, extinction_scale: np.ndarray) -> np.ndarray:

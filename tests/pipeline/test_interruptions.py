@@ -110,11 +110,11 @@ def test_kill_9_three_times(fresh):
 
 
 @pytest.mark.proof
-def test_kill_9_two_hundred_times(fresh):
+@pytest.mark.parametrize("seed", range(8))
+def test_kill_9_two_hundred_times(fresh, seed):
     """Eight runs, each killed 25 times and then finished."""
-    for seed in range(8):
-        survived = kill_and_resume(fresh, 25, seed)
-        print(f"25 kills, {survived} of them after the end")
+    survived = kill_and_resume(fresh, 25, seed)
+    print(f"25 kills, {survived} of them after the end")
 
 
 def test_a_full_disk_keeps_the_previous_checkpoint_and_ends_with_5(fresh, monkeypatch, capsys):

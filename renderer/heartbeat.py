@@ -1,0 +1,35 @@
+"""Telling a watching process when a dispatch begins and ends. While a driver hangs, nothing else runs here.
+
+One line per event: `+clock seconds` before a dispatch that is lost once it has taken so long, `-` after it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+HANG_SECONDS = 8.0
+"""Fifty times what a dispatch is meant to take."""
+FIRST_SECONDS = 60.0
+"""Of the first one of a program, which many drivers compile only then."""
+
+_pipe: int | None = None
+
+
+def beat_into(pipe: int) -> None:
+    """From now on, write to this file descriptor."""
+    global _pipe
+    _pipe = pipe
+
+
+@contextmanager
+def dispatching(*, software: bool, first: bool) -> Iterator[None]:
+    """Around a dispatch. A software driver's time is that of its processor, which others may use as well."""
+    if _pipe is None:
+        yield
+        return
+    limit = max(FIRST_SECONDS, HANG_SECONDS) if first else HANG_SECONDS
+    os.write(_pipe, f"+{'cpu' if software else 'wall'} {limit}\n".encode())
+    yield
+    os.write(_pipe, b"-\n")
