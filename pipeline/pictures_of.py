@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from .job import Job
+
+if TYPE_CHECKING:
+    from weft.renderer.film import Film
+    from weft.renderer.progress import Watch
 
 
 def jobs_of_pictures(job: Job) -> list[Job]:
@@ -40,6 +46,23 @@ def _turned(table: Any) -> Iterator[dict[str, Any]]:
 def _with(job: Job, view: dict[str, Any]) -> Job:
     table = job.table("render").model_copy(update={"cameras": (), "turntable": None, **view})
     return replace(job, config=job.config.model_copy(update={"render": table}))
+
+
+@contextmanager
+def unfinished_picture(image: Path, exposure: float) -> Iterator[Watch]:
+    """Show the picture while it is made, in IMAGE.rendering.png beside it, which is gone at the end."""
+    from weft.renderer.image import write_preview
+    from weft.renderer.progress import Watch, radiance_so_far
+
+    path = image.with_suffix(".rendering.png")
+
+    def show(film: Film) -> None:
+        write_preview(path, radiance_so_far(film), exposure=exposure)
+
+    try:
+        yield Watch(show)
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def picture_files(job: Job) -> dict[str, str]:

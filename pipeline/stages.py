@@ -156,6 +156,7 @@ def make_image(work: StageWork) -> dict[str, Any]:
     from weft.renderer.exposure import Keeping
     from weft.renderer.render import run, save
 
+    from .pictures_of import unfinished_picture
     from .scattering_file import read_scattering
 
     path = work.inputs["volume"]
@@ -164,7 +165,10 @@ def make_image(work: StageWork) -> dict[str, Any]:
     checkpoint, stopping = work.outputs["image"].with_suffix(CHECKPOINT_SUFFIX), StopRequests()
     keeping = Keeping(checkpoint, work.job.config.output.checkpoint_s, work.resume)
     table = work.job.table("render")
-    result = run(table, volume, lobes, progress=work.progress, keeping=keeping, stopping=stopping)
+    with unfinished_picture(work.outputs["image"], table.exposure) as watch:
+        result = run(
+            table, volume, lobes, progress=work.progress, watch=watch, keeping=keeping, stopping=stopping
+        )
     if result.complete or result.layers["samples"].any():
         save(result, work.outputs["image"])
     if not result.complete:

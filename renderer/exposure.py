@@ -22,10 +22,9 @@ from .film import Film
 from .identity import refuse_other_identity
 from .kernel import Counts, Kernel
 from .passes import Pass, PassState
+from .progress import Progress, ProgressReport, Watch
 from .scene import Scene
 
-Progress = Callable[[float, str], None]
-PROGRESS_SECONDS = 0.25
 PIXELS_PER_PASS = 1 << 20
 FILM_BYTES = 1 << 27
 """Of the sums on the device: the smallest storage block that OpenGL 4.3 guarantees."""
@@ -79,11 +78,12 @@ class Exposure:
         share: Share = WHOLE,
         stop: Callable[[], bool] = never,
         progress: Progress | None = None,
+        watch: Watch | None = None,
     ) -> None:
         self.kernel, self.scene, self.config = kernel, scene, scene.config
         self.origin = dict(origin or {})
         self.identity, self.keeping, self.share = dict(identity or {}), keeping, share
-        self.stop, self.progress = stop, progress
+        self.stop, self.progress, self.watch = stop, progress, watch
         self.first = 0 if share.blocks is None else share.blocks.start * self.config.block_samples
         self.last = self.first
         self.tiles = [self._empty_tile(window) for window in self._windows()]
@@ -96,7 +96,10 @@ class Exposure:
         """Take all samples; false where it was stopped before."""
         previous = self._previous()
         self.last = self._last_sample(previous)
-        self.report = _Reporter(self.progress, self._missing() + self._taken(), self._taken())
+        total = self._missing() + self._taken()
+        self.report = ProgressReport(
+            self.progress, total, self._taken(), watch=self.watch, film=self._film_in_passing
+        )
         while not self.stop() and (work := self._next_pass()) is not None:
             self._begin(work)
             if not self._finish_pass():
@@ -120,6 +123,14 @@ class Exposure:
             mine = begun if begun is not None and begun.work.window == tile.window else None
             film.sums[:, here], film.samples[here] = tile.total(mine)
         return film
+
+    def _film_in_passing(self) -> Film:
+        """The picture so far, between two dispatches."""
+        self.begun = self.kernel.state()
+        try:
+            return self.film()
+        finally:
+            self.begun = None
 
     def _windows(self) -> list[Window]:
         width = self.config.window[2]
@@ -281,22 +292,3 @@ def samples_needed(config: RenderConfig, trial: Film, seconds: float) -> int:
     if config.time_s is not None:
         wished.append(int((config.time_s - seconds) / seconds * trial.fewest_samples))
     return max(min(wished), 2)
-
-
-class _Reporter:
-    """Passes finished samples on to a progress callback, a few times per second."""
-
-    def __init__(self, progress: Progress | None, total: int, done: int) -> None:
-        self.progress, self.total, self.done, self.before = progress, total, done, done
-        self.started = self.last = time.perf_counter()
-
-    def add(self, samples: int) -> None:
-        self.done += samples
-        now = time.perf_counter()
-        if self.progress is None or (now - self.last < PROGRESS_SECONDS and self.done < self.total):
-            return
-        self.last = now
-        speed = (self.done - self.before) / max(now - self.started, 1e-9) / 1e6
-        left = (self.total - self.done) / max(speed * 1e6, 1e-9)
-        detail = f"{self.done} of {self.total} paths, {speed:.3f} M/s, {left:.0f} s left"
-        self.progress(self.done / self.total, detail)

@@ -13,10 +13,11 @@ import numpy as np
 from weft.voxelize.grid import FiberVolume
 
 from .config import RenderConfig
-from .exposure import WHOLE, Exposure, Keeping, Progress, Share, never
+from .exposure import WHOLE, Exposure, Keeping, Share, never
 from .identity import picture_origin, scene_identity
 from .image import write_exr, write_preview
 from .kernel import Kernel, KernelOptions
+from .progress import Progress, Watch
 from .scene import Scattering, build_scene
 
 Stopping = AbstractContextManager[Callable[[], bool]]
@@ -74,6 +75,7 @@ def run(
     scattering: Mapping[str, Scattering],
     *,
     progress: Progress | None = None,
+    watch: Watch | None = None,
     options: KernelOptions | None = None,
     keeping: Keeping | None = None,
     share: Share = WHOLE,
@@ -105,6 +107,7 @@ def run(
                 share=share,
                 stop=stop,
                 progress=progress,
+                watch=watch,
             )
             complete = exposure.run()
     finally:
