@@ -39,12 +39,13 @@ def render_shares(
         raise InputError(f"--share names one file, but the job has {len(jobs)} pictures.", path=job.path)
     written = []
     for one in jobs:
-        path = share or _share_file(one, blocks, tiles)
+        path = share or share_file(one, blocks, tiles)
         written.append(_render_share(one, blocks, tiles, tile_size, path, resume=resume, report=report))
     return written
 
 
-def _share_file(job: Job, blocks: str | None, tiles: str | None) -> Path:
+def share_file(job: Job, blocks: str | None, tiles: str | None) -> Path:
+    """Where a share goes unless told otherwise."""
     stem = Path(CHAIN["render"].outputs(job)["image"]).stem
     part = "".join(f".{name}{text.replace(':', '-')}" for name, text in (("b", blocks), ("t", tiles)) if text)
     return job.output / "shares" / f"{stem}{part}.exr"

@@ -1,4 +1,4 @@
-"""`weft merge`: shares of a picture that machines rendered apart."""
+"""`weft merge` and `weft submit`: pictures that machines render apart."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from weft.files.errors import InputError
+
 from .app import app
+from .options import NO_JOB_OPTIONS, JobOptions
 
 
 @app.command
@@ -32,3 +35,30 @@ def merge(
     from weft.pipeline.shares import merge_files
 
     print(merge_files(shares, out, partial=partial))
+
+
+@app.command
+def submit(
+    job: Path,
+    *,
+    openjd: Path,
+    blocks_per_task: int = 4,
+    options: JobOptions = NO_JOB_OPTIONS,
+) -> None:
+    """Write a job as an Open Job Description template, which render farms and `openjd run` take.
+
+    Parameters
+    ----------
+    job
+        The TOML file of the job.
+    openjd
+        The .json to write.
+    blocks_per_task
+        Blocks of render.block_samples samples that a task renders.
+    """
+    from weft.pipeline.config import load
+    from weft.pipeline.openjd import write_template
+
+    if options.overrides:
+        raise InputError("submit: the workers read the job file, not --set.", hint="Write it into the job.")
+    print(write_template(load(job, (), options.output), openjd, blocks_per_task=blocks_per_task))
