@@ -58,6 +58,10 @@ class ShareOptions:
     """Tiles of the picture, FIRST:END, counted row by row."""
     tile_size: int = 128
     """Width and height of a tile [pixels]."""
+    cluster: str | None = None
+    """Dask scheduler whose workers render the picture, as in tcp://host:8786. Extra: weft[cluster]."""
+    blocks_per_task: int = 1
+    """Blocks that a worker of the cluster renders at a time."""
     share: Path | None = None
     """The file to write. Default: in the folder shares of the results, named after blocks and tiles."""
 

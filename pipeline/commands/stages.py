@@ -145,6 +145,19 @@ def render(
     """
     overrides = (*options.overrides, *picture.overrides())
     asked = replace(options, overrides=overrides)
+    if part.cluster is not None:
+        from weft.pipeline.cluster import render_on_cluster
+        from weft.pipeline.config import load
+        from weft.pipeline.progress import reporter
+
+        render_on_cluster(
+            load(job, asked.overrides, asked.output),
+            part.cluster,
+            overrides=asked.overrides,
+            blocks_per_task=part.blocks_per_task,
+            report=reporter(how.progress),
+        )
+        return
     if part.blocks is None and part.tiles is None:
         _run_stage("render", job, asked, how)
         return
