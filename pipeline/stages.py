@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
     from weft.fiber_model.scattering.parameters import FiberScatteringParameters
     from weft.fiber_model.yarns.yarns import YarnSet
+    from weft.renderer.brick_file import BrickFile
     from weft.voxelize.config import ForeignVolumeConfig
     from weft.voxelize.grid import FiberVolume
 
@@ -159,8 +160,7 @@ def make_image(work: StageWork) -> dict[str, Any]:
     from .pictures_of import unfinished_picture
     from .scattering_file import read_scattering
 
-    path = work.inputs["volume"]
-    volume = _kept_volume(path, stamp_of(path).sha256, work.job.table("render").foreign)
+    volume = _picture_volume(work)
     lobes = media_scattering(work.job, read_scattering(work.inputs["scattering"]), volume)
     checkpoint, stopping = work.outputs["image"].with_suffix(CHECKPOINT_SUFFIX), StopRequests()
     keeping = Keeping(checkpoint, work.job.config.output.checkpoint_s, work.resume)
@@ -217,10 +217,24 @@ def without_native_stderr() -> Iterator[None]:
         os.close(kept)
 
 
+def _picture_volume(work: StageWork) -> FiberVolume | BrickFile:
+    """On the disk where the device holds a part of it at a time; what is to be cut or converted, in memory."""
+    path, table = work.inputs["volume"], work.job.table("render")
+    own = path.suffix == ".vdb" and table.foreign is None and table.stencil is None
+    on_disk = own and table.brick_pool_mb is not None
+    return _kept_volume(path, stamp_of(path).sha256, table.foreign, on_disk)
+
+
 @lru_cache(maxsize=1)
-def _kept_volume(path: Path, sha256: str, foreign: ForeignVolumeConfig | None) -> FiberVolume:
-    """A volume is read once for all pictures of a run."""
-    return load_volume(path, foreign)
+def _kept_volume(
+    path: Path, sha256: str, foreign: ForeignVolumeConfig | None, on_disk: bool
+) -> FiberVolume | BrickFile:
+    """A volume is read once for all pictures of a run, or laid out in a file of bricks beside it."""
+    if not on_disk:
+        return load_volume(path, foreign)
+    from weft.renderer.brick_file import open_brick_file
+
+    return open_brick_file(path)
 
 
 def load_volume(path: Path, foreign: ForeignVolumeConfig | None = None) -> FiberVolume:
@@ -242,7 +256,7 @@ def load_volume(path: Path, foreign: ForeignVolumeConfig | None = None) -> Fiber
 
 
 def media_scattering(
-    job: Job, parameters: dict[str, FiberScatteringParameters], volume: FiberVolume
+    job: Job, parameters: dict[str, FiberScatteringParameters], volume: FiberVolume | BrickFile
 ) -> dict[str, FiberScatteringParameters]:
     """The scattering of each medium of the volume. Refuses entries that no medium has."""
     from weft.voxelize.grid_files import base_medium
@@ -346,6 +360,7 @@ GRID_CODE = tuple(
         "tiles",
         "vdb",
         "vdb_child",
+        "vdb_stream",
     )
 )
 SCATTERING_CODE = ("fiber_model/scattering/config.py", "fiber_model/scattering/parameters.py")

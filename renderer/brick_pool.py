@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -31,6 +32,13 @@ MAX_EMPTY_RADIUS_IN_BRICK = 7
 BRICKS_PER_CHUNK = 2048
 
 
+class VoxelRows(Protocol):
+    """Voxel words of bricks, in memory or on the disk."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, bricks: Any) -> np.ndarray: ...
+
+
 @dataclass(frozen=True)
 class BrickPool:
     """Media superposed on one lattice. Lengths in voxels, from the pool's corner at `origin`."""
@@ -40,7 +48,7 @@ class BrickPool:
     """Lattice coordinates of voxel (0, 0, 0) of the pool, int64, shape [3]."""
     cells: np.ndarray
     """One word per cell, uint32, shape [nx, ny, nz]."""
-    voxels: np.ndarray
+    voxels: VoxelRows
     """Quantized voxels in the order of `FiberGrid`, uint32, shape [brick_count, 512]."""
     density_step: np.ndarray
     """Volume fraction of one density level, per brick, float32, shape [brick_count]."""
@@ -66,7 +74,19 @@ class BrickPool:
     @property
     def byte_count(self) -> int:
         """Bytes on the device."""
-        return self.cells.nbytes + self.voxels.nbytes + 8 * len(self.voxels)
+        return self.cells.nbytes + (4 * BRICK_VOXELS + 8) * len(self.voxels)
+
+
+@dataclass(frozen=True)
+class BrickOrder:
+    """Where bricks lie in the grid, and their order in the pool."""
+
+    origin: np.ndarray
+    cells: np.ndarray
+    order: np.ndarray
+    """Which of the given bricks is the n-th of the pool, int64, shape [brick_count]."""
+    medium: np.ndarray
+    layer_count: int
 
 
 def build_brick_pool(grids: Sequence[FiberGrid]) -> BrickPool:
@@ -74,9 +94,25 @@ def build_brick_pool(grids: Sequence[FiberGrid]) -> BrickPool:
     voxel_size = _common_voxel_size(grids)
     for index, grid in enumerate(grids):
         _check_values(grid, index)
-    origins = np.concatenate([np.asarray(grid.origins, np.int64) for grid in grids])
-    medium = np.concatenate([np.full(len(grid.origins), i, np.uint32) for i, grid in enumerate(grids)])
-    places = origins // BRICK_SIZE
+    places = arrange_bricks([grid.origins for grid in grids])
+    voxels, step, level = _quantize(grids, places.order)
+    return BrickPool(
+        voxel_size_mm=voxel_size,
+        origin=places.origin,
+        cells=places.cells,
+        voxels=voxels,
+        density_step=step,
+        majorant_level=level,
+        medium=places.medium,
+        fiber_radius_mm=np.array([grid.fiber_radius_mm for grid in grids]),
+        layer_count=places.layer_count,
+    )
+
+
+def arrange_bricks(media: Sequence[np.ndarray]) -> BrickOrder:
+    """The grid of cells over all bricks. `media`: first voxels of the bricks of each, int32, shape [n, 3]."""
+    medium = np.concatenate([np.full(len(origins), i, np.uint32) for i, origins in enumerate(media)])
+    places = np.concatenate([np.asarray(origins, np.int64) for origins in media]) // BRICK_SIZE
     low = places.min(axis=0)
     shape = tuple(int(n) for n in places.max(axis=0) - low + 1)
     if np.prod(shape, dtype=float) > MAX_CELLS:
@@ -88,18 +124,7 @@ def build_brick_pool(grids: Sequence[FiberGrid]) -> BrickPool:
     order = np.lexsort((medium, flat))
     flat, medium = flat[order], medium[order]
     cells, layer_count = _link_cells(flat, medium, shape)
-    voxels, step, level = _quantize(grids, order)
-    return BrickPool(
-        voxel_size_mm=voxel_size,
-        origin=low * BRICK_SIZE,
-        cells=cells,
-        voxels=voxels,
-        density_step=step,
-        majorant_level=level,
-        medium=medium,
-        fiber_radius_mm=np.array([grid.fiber_radius_mm for grid in grids]),
-        layer_count=layer_count,
-    )
+    return BrickOrder(low * BRICK_SIZE, cells, order, medium, layer_count)
 
 
 def _common_voxel_size(grids: Sequence[FiberGrid]) -> float:
@@ -174,6 +199,13 @@ def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray
 
 def _quantize_chunk(density: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Voxel words, density steps and largest levels of some bricks."""
+    words, step, level = density_words(density)
+    add_directions(words, direction)
+    return words, step, level
+
+
+def density_words(density: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Voxel words that lack directions, density steps and largest levels of some bricks."""
     peak = density.max(axis=1, keepdims=True)
     # divided first: levels over a tiny peak could overflow
     levels = np.rint(density / np.where(peak > 0, peak, 1) * DENSITY_LEVELS).astype(np.uint32)
@@ -181,8 +213,14 @@ def _quantize_chunk(density: np.ndarray, direction: np.ndarray) -> tuple[np.ndar
     step = density.sum(axis=1, dtype=np.float64) / np.maximum(levels.sum(axis=1), 1)
     occupied = levels > 0
     words = _empty_radius_in_brick(occupied).astype(np.uint32)
-    words[occupied] = levels[occupied] << (2 * DIRECTION_BITS) | encode_axis(direction[occupied])
+    words[occupied] = levels[occupied] << (2 * DIRECTION_BITS)
     return words, step.astype(np.float32), levels.max(axis=1)
+
+
+def add_directions(words: np.ndarray, direction: np.ndarray) -> None:
+    """Into words with fiber: axes, float32, shape [bricks, 512, 3]."""
+    occupied = words >> (2 * DIRECTION_BITS) > 0
+    words[occupied] |= encode_axis(direction[occupied])
 
 
 def _empty_radius_in_brick(occupied: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from weft.voxelize.grid import FiberVolume
 
+from .brick_file import BrickFile
 from .config import RenderConfig
 from .exposure import WHOLE, Exposure, Keeping, Share, never
 from .identity import picture_origin, scene_identity
@@ -71,7 +72,7 @@ class RenderResult:
 
 def run(
     config: RenderConfig,
-    volume: FiberVolume,
+    volume: FiberVolume | BrickFile,
     scattering: Mapping[str, Scattering],
     *,
     progress: Progress | None = None,

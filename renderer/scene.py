@@ -13,6 +13,7 @@ from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.errors import InputError
 from weft.voxelize.grid import FiberVolume
 
+from .brick_file import BrickFile
 from .brick_pool import BrickPool, build_brick_pool
 from .camera import CameraFrame, place_camera
 from .config import Light, RenderConfig
@@ -207,14 +208,23 @@ class Scene:
         }
 
 
-def build_scene(config: RenderConfig, volume: FiberVolume, scattering: Mapping[str, Scattering]) -> Scene:
+def build_scene(
+    config: RenderConfig, volume: FiberVolume | BrickFile, scattering: Mapping[str, Scattering]
+) -> Scene:
     """Put volume, camera and lights together. Raises `InputError` for what cannot be rendered."""
     phase = build_phase_table(volume.media, scattering)
-    volume = volume if config.stencil is None else cut_out(volume, config.stencil)
-    pool = build_brick_pool(list(volume.grids.values()))
-    bounds = np.asarray(volume.bounds_mm)
+    pool, bounds = _pool_and_bounds(config, volume)
     camera = place_camera(config.camera, bounds, config.resolution)
     return Scene(config, pool, camera, phase=phase, **_lighting(config, pool, camera.axes, bounds))
+
+
+def _pool_and_bounds(config: RenderConfig, volume: FiberVolume | BrickFile) -> tuple[BrickPool, np.ndarray]:
+    if isinstance(volume, BrickFile):
+        if config.stencil is not None:
+            raise InputError("render.stencil: what is cut out must be in memory.", hint="Leave out brick_pool_mb.")
+        return volume.pool(), volume.bounds_mm
+    volume = volume if config.stencil is None else cut_out(volume, config.stencil)
+    return build_brick_pool(list(volume.grids.values())), np.asarray(volume.bounds_mm)
 
 
 def lit_scene(scene: Scene, lights: Sequence[Light], axes: np.ndarray, bounds: np.ndarray) -> Scene:

@@ -254,7 +254,7 @@ def _to_grid(channels: dict[str, dict[str, Any]]) -> FiberGrid:
         if not np.array_equal(leaves["origins"], other["leaves"]["origins"]):
             raise ValueError(f"density and {GRID_NAMES[channel]} have different leaves")
     grid = FiberGrid(
-        voxel_size_mm=_voxel_size(density["index_to_world"]),
+        voxel_size_mm=checked_voxel_size(density["index_to_world"]),
         fiber_radius_mm=float(metadata["fiber_radius_mm"]),
         origins=leaves["origins"],
         **{channel: other["leaves"]["values"] for channel, other in channels.items()},
@@ -264,7 +264,7 @@ def _to_grid(channels: dict[str, dict[str, Any]]) -> FiberGrid:
     return grid
 
 
-def _voxel_size(index_to_world: list[float]) -> float:
+def checked_voxel_size(index_to_world: list[float]) -> float:
     """Voxel size of a transform that scales by h and moves by h / 2, else `ValueError`."""
     matrix = np.array(index_to_world, dtype=np.float64)
     if matrix.shape != (16,):

@@ -4,6 +4,7 @@
 // (N, 512, 3) float32, voxel (x, y, z) at (x * 8 + y) * 8 + z. World position of voxel center (i, j, k):
 // voxel_size * (i, j, k) + translation.
 #include "leaf_grid.h"
+#include "leaf_stream.h"
 #include "leaf_writer.h"
 
 #include <nanobind/stl/array.h>
@@ -190,6 +191,23 @@ nb::list readGrids(const std::string& path, size_t maxLeaves, bool withLeaves) {
     return out;
 }
 
+// `sink(origins, values)` for a thousand leaves at a time; what the grid says of itself. (Its transform alone cannot be
+// had: readAllGridMetadata rounds it.)
+nb::dict streamGrid(const std::string& path, const std::string& name, const nb::callable& sink) {
+    const auto hand = [&](LeafBatch batch) {
+        const nb::gil_scoped_acquire locked;
+        std::vector<size_t> shape{batch.count, kLeafVoxels};
+        if (batch.components == 3) shape.push_back(3);
+        sink(ownedArray(std::move(batch.origins), {batch.count, 3}), ownedArray(std::move(batch.values), shape));
+    };
+    openvdb::GridBase::Ptr grid;
+    {
+        const nb::gil_scoped_release unlocked;
+        grid = visitLeaves(path, name, hand);
+    }
+    return describe(*grid);
+}
+
 }  // namespace
 
 NB_MODULE(_openvdb, module) {
@@ -225,4 +243,7 @@ NB_MODULE(_openvdb, module) {
     module.def("read_grids", &readGrids, "path"_a, nb::kw_only(), "max_leaves"_a = kMaxLeaves, "with_leaves"_a = true,
                "All grids of a .vdb file: name, type, metadata, index_to_world (row vectors), and of float and vec3s "
                "grids their leaves sorted by origin. `with_leaves=False` reads no tree.");
+    module.def("stream_grid", &streamGrid, "path"_a, "name"_a, "sink"_a,
+               "Call `sink(origins, values)` for the leaves of one grid, in the order of the file; its name, type, "
+               "metadata and index_to_world.");
 }
