@@ -218,7 +218,7 @@ def without_native_stderr() -> Iterator[None]:
 
 
 def _picture_volume(work: StageWork) -> FiberVolume | BrickFile:
-    """On the disk where the device holds a part of it at a time; what is to be cut or converted, in memory."""
+    """On the disk where the device holds a part at a time; what is to be cut or converted, in memory."""
     path, table = work.inputs["volume"], work.job.table("render")
     own = path.suffix == ".vdb" and table.foreign is None and table.stencil is None
     on_disk = own and table.brick_pool_mb is not None

@@ -44,6 +44,10 @@ class BrickFile:
         return tuple(self.header["media"])
 
     @property
+    def content_sha256(self) -> str:
+        return str(self.header["content_sha256"])
+
+    @property
     def brick_count(self) -> int:
         return int(sum(self.header["brick_counts"]))
 

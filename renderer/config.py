@@ -260,6 +260,12 @@ class RenderConfig(Settings):
 
     Paths that need other voxels wait for them; the picture is the same, bit by bit.
     """
+    outside_batch: Literal["park", "homogeneous"] = "park"
+    """What paths meet that leave the frustum of the part of the screen whose voxels are in the pool.
+
+    park: they wait for the true voxels. homogeneous, as in the thesis: a medium of mean density without
+    direction. That is biased; it is there to be compared with, and needs brick_pool_mb.
+    """
     tracking: Literal["exact", "delta"] = "exact"
     """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
     sampling: Literal["both", "lights", "phase"] = "both"
@@ -297,6 +303,12 @@ class RenderConfig(Settings):
     def _scale_needs_isotropic(self) -> RenderConfig:
         if self.isotropic_extinction_per_mm is not None and self.extinction != "isotropic":
             raise ValueError('isotropic_extinction_per_mm has no effect unless extinction = "isotropic"')
+        return self
+
+    @model_validator(mode="after")
+    def _homogeneous_needs_a_pool(self) -> RenderConfig:
+        if self.outside_batch == "homogeneous" and self.brick_pool_mb is None:
+            raise ValueError('outside_batch = "homogeneous" has no effect without brick_pool_mb')
         return self
 
     @model_validator(mode="after")

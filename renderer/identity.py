@@ -25,11 +25,13 @@ NOT_DECIDING = {"samples_per_pixel", "noise", "time_s", "exposure", "volume", "b
 
 def scene_identity(scene: Scene, volume_sha256: str, device: str) -> dict[str, Any]:
     """Names and JSON values that are equal exactly where samples are of the same picture."""
+    exact = scene.config.outside_batch == "park"
+    left_out = NOT_DECIDING if exact else NOT_DECIDING - {"brick_pool_mb"}
     return {
         "volume": volume_sha256,
         "scattering": _hash(scene.phase.parameters),
         "lights and surfaces": _hash(scene.tables),
-        **_flat(without_folders(scene.config.model_dump(exclude=NOT_DECIDING)), "render"),
+        **_flat(without_folders(scene.config.model_dump(exclude=left_out)), "render"),
         "weft": weft_version(),
         "shaders": shaders_sha256(),
         "device": device,

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 
 from .batches import Footprints, OccupiedCells, RenderBatch, cell_footprints, occupied_cells, subdivide_screen
+from .brick_pool import BRICK_VOXELS, BrickPool
+from .direction_encoding import DIRECTION_BITS, encode_axis
 from .gpu import buffers
 from .residency import NO_BRICK, NOT_RESIDENT, Residency
 from .scene import Scene
@@ -26,6 +29,34 @@ def pool_capacity(scene: Scene) -> int | None:
     return int(limit * buffers.MIB) // BRICK_BYTES
 
 
+@dataclass(frozen=True)
+class MeanBricks:
+    """One brick per medium that stands for all outside of a batch: mean density, axes in all directions."""
+
+    voxels: np.ndarray
+    """uint32, shape [medium_count, 512]."""
+    records: np.ndarray
+    """As those of the bricks (kernel.py), uint32, shape [medium_count, 2]."""
+
+
+def mean_bricks(pool: BrickPool, extinction_scale: np.ndarray) -> MeanBricks:
+    """The thesis' homogeneous medium "with similar properties" as bricks (section 5.6.1)."""
+    count = len(extinction_scale)
+    total, bricks = np.zeros(count), np.bincount(pool.medium, minlength=count)
+    for start in range(0, len(pool.voxels), BRICKS_PER_UPLOAD):
+        part = slice(start, start + BRICKS_PER_UPLOAD)
+        levels = (pool.voxels[part] >> (2 * DIRECTION_BITS)).sum(axis=1, dtype=np.float64)
+        total += np.bincount(pool.medium[part], levels * pool.density_step[part], minlength=count)
+    density = total / np.maximum(bricks * BRICK_VOXELS, 1)
+    axes = np.random.default_rng(0).normal(size=(count * BRICK_VOXELS, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    voxels = encode_axis(axes).reshape(count, -1).astype(np.uint32) | np.uint32(1 << 2 * DIRECTION_BITS)
+    records = np.stack(
+        [(density * extinction_scale).astype(np.float32).view(np.uint32), np.arange(count)], -1
+    )
+    return MeanBricks(voxels, (records + np.array([0, 1 << 16])).astype(np.uint32))
+
+
 class BrickPager:
     """The pool of one scene. `pages` and `bricks` are the kernel's buffers."""
 
@@ -37,6 +68,11 @@ class BrickPager:
         self._footprints: Footprints | None = None
         self._residency = Residency(self._cells.first, self._cells.layers, capacity)
         self._page_bricks = page_bricks
+        self._records = records
+        self._stand_in = None
+        if scene.config.outside_batch == "homogeneous":
+            self._stand_in = mean_bricks(scene.pool, scene.extinction_scale)
+            self._residency.capacity -= len(self._stand_in.records)
         self.pages = [
             buffers.reserve(context, min(page_bricks, capacity - start) * BRICK_BYTES, name="the brick pool")
             for start in range(0, capacity, page_bricks)
@@ -46,6 +82,9 @@ class BrickPager:
         self.bricks = buffers.upload(
             context, np.concatenate([records.reshape(-1), table]), name="the bricks and their slots"
         )
+        if self._stand_in is not None:
+            for part in _runs(self._stand_in_slots(), page_bricks):
+                self._write(self._stand_in.voxels[part], self._stand_in_slots()[part])
 
     def change(self, scene: Scene) -> None:
         """Another camera on the same volume."""
@@ -72,6 +111,12 @@ class BrickPager:
     def begin(self, batch: RenderBatch) -> None:
         """Load what the batch sees."""
         self._load(*self._residency.begin_batch(batch.cells))
+        if self._stand_in is not None:
+            inside = self._residency.in_batch[:, None]
+            self.bricks.write(
+                np.where(inside, self._records, self._stand_in.records[self._scene.pool.medium])
+            )
+            self._write_table()
 
     def serve(self, wanted: np.ndarray) -> None:
         """Load what paths wait for. `wanted`: the word of each lane, `NO_BRICK` where it does not wait."""
@@ -81,10 +126,25 @@ class BrickPager:
         if not len(bricks):
             return
         for part in _runs(slots, self._page_bricks):
-            page, place = divmod(int(slots[part.start]), self._page_bricks)
-            voxels = self._scene.pool.voxels[bricks[part]]
-            self.pages[page].write(np.ascontiguousarray(voxels), offset=place * BRICK_BYTES)
-        self.bricks.write(self._residency.slot_of_brick, offset=self._table_offset)
+            self._write(self._scene.pool.voxels[bricks[part]], slots[part])
+        self._write_table()
+
+    def _write(self, voxels: np.ndarray, slots: np.ndarray) -> None:
+        """Into consecutive slots of one page."""
+        page, place = divmod(int(slots[0]), self._page_bricks)
+        self.pages[page].write(np.ascontiguousarray(voxels), offset=place * BRICK_BYTES)
+
+    def _write_table(self) -> None:
+        table = self._residency.slot_of_brick
+        if self._stand_in is not None:
+            outside = self._stand_in_slots()[self._scene.pool.medium].astype(np.uint32)
+            table = np.where(self._residency.in_batch, table, outside)
+        self.bricks.write(table, offset=self._table_offset)
+
+    def _stand_in_slots(self) -> np.ndarray:
+        """Those behind the pool's own, one per medium."""
+        assert self._stand_in is not None
+        return self._residency.capacity + np.arange(len(self._stand_in.records))
 
     def release(self) -> None:
         """Give the device memory back."""

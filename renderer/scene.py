@@ -221,7 +221,9 @@ def build_scene(
 def _pool_and_bounds(config: RenderConfig, volume: FiberVolume | BrickFile) -> tuple[BrickPool, np.ndarray]:
     if isinstance(volume, BrickFile):
         if config.stencil is not None:
-            raise InputError("render.stencil: what is cut out must be in memory.", hint="Leave out brick_pool_mb.")
+            raise InputError(
+                "render.stencil: what is cut out must be in memory.", hint="Leave out brick_pool_mb."
+            )
         return volume.pool(), volume.bounds_mm
     volume = volume if config.stencil is None else cut_out(volume, config.stencil)
     return build_brick_pool(list(volume.grids.values())), np.asarray(volume.bounds_mm)

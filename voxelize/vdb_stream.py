@@ -74,7 +74,7 @@ def read_outline(path: Path) -> VdbOutline:
 
 @dataclass
 class BrickStream:
-    """The bricks of one grid in the order of the file: origins, int32 [n, 3], values, float32 [n, 512(, 3)]."""
+    """The bricks of a grid in the order of the file: origins, int32 [n, 3], values, float32 [n, 512(, 3)]."""
 
     path: Path
     grid: str

@@ -7,9 +7,12 @@ import pytest
 
 from weft.files.errors import InputError
 from weft.renderer.batches import SMALLEST_SIDE, cell_footprints, occupied_cells, subdivide_screen
+from weft.renderer.brick_pool import build_brick_pool
 from weft.renderer.config import GaussianFilter, OrthographicCamera, PerspectiveCamera, RenderConfig
+from weft.renderer.direction_encoding import decode_axis
 from weft.renderer.kernel import KernelOptions
 from weft.renderer.light_config import PointLight
+from weft.renderer.pager import mean_bricks
 from weft.renderer.render import run
 from weft.renderer.residency import NOT_RESIDENT, Residency
 from weft.renderer.scene import build_scene
@@ -66,6 +69,31 @@ def test_a_pool_for_everything_is_no_pool():
 def test_a_pool_too_small_for_one_cell_is_refused():
     with pytest.raises(InputError, match="a pool of 1 bricks cannot hold the 2 of one cell"):
         picture({"brick_pool_mb": 1.5 * BRICK_MB})
+
+
+def test_the_stand_in_has_the_mean_density():
+    pool = build_brick_pool(GRIDS)
+    stand_in = mean_bricks(pool, np.array([2.0, 3.0]))
+    words, records = stand_in.voxels, stand_in.records
+    for medium, (grid, scale) in enumerate(zip(GRIDS, (2.0, 3.0), strict=True)):
+        extinction = records[medium, :1].view(np.float32) * (words[medium] >> 20)
+        np.testing.assert_allclose(extinction, grid.density.mean(dtype=np.float64) * scale, rtol=1e-6)
+        assert records[medium, 1] == medium | 1 << 16
+    axes = decode_axis(words & 0xFFFFF)
+    np.testing.assert_allclose(
+        np.einsum("mvi,mvj->ij", axes, axes) / axes[..., 0].size, np.eye(3) / 3, atol=0.05
+    )
+
+
+@pytest.mark.gl
+def test_the_homogeneous_stand_in_is_another_picture():
+    with pytest.raises(ValueError, match="has no effect without brick_pool_mb"):
+        RenderConfig(outside_batch="homogeneous")
+    pool = {"brick_pool_mb": 9 * BRICK_MB}
+    exact, biased = picture(pool), picture(pool | {"outside_batch": "homogeneous"})
+    assert np.isfinite(biased.radiance).all()
+    assert biased.statistics.paths == exact.statistics.paths
+    assert (biased.radiance != exact.radiance).mean() > 0.1
 
 
 def random_residency(capacity, seed=7, cell_count=200):
