@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from weft.renderer import scene
+from weft.renderer.balls import ball_triangles
 from weft.renderer.config import ConstantLight, PerspectiveCamera, RenderConfig
 from weft.renderer.instances import INSTANCED_FROM, instanced_meshes
 from weft.renderer.kernel import KernelOptions
@@ -37,6 +38,20 @@ TURNED = [
     Placement(position_mm=(5.0, 0.8, -1.0), scale=0.6, rotation_deg=(0, 0, 90)),
     Placement(position_mm=(4.0, 0.5, 1.6), scale=(0.9, 0.3, 0.4), rotation_deg=(-50, 10, 0)),
 ]
+BRUSHED = [
+    Placement(position_mm=(2.4 + 1.3 * i, 2.2, -0.5), scale=(0.3, 0.5, 0.4), rotation_deg=(70 * i, 20, 50))
+    for i in range(3)
+]
+
+
+def write_textured_ball(folder):
+    """A ball with texture coordinates, whose tangents brushed metal follows."""
+    ball = ball_triangles(BallSurface(), 0)
+    lines = [f"v {x} {y} {z}" for x, y, z in ball.corners.reshape(-1, 3)]
+    lines += [f"vt {u} {v}" for u, v in ball.uvs.reshape(-1, 2)]
+    lines += [f"f {i}/{i} {i + 1}/{i + 1} {i + 2}/{i + 2}" for i in range(1, 3 * len(ball), 3)]
+    (folder / "textured.obj").write_text("\n".join(lines))
+    return folder / "textured.obj"
 
 
 def surfaces(folder):
@@ -45,6 +60,7 @@ def surfaces(folder):
     Image.fromarray(pixels).save(folder / "t.png")
     brushed = PrincipledMaterial(color=(0.9, 0.6, 0.3), metallic=1.0, roughness=0.6, anisotropic=0.9)
     return [
+        MeshSurface(file=write_textured_ball(folder), placements=BRUSHED, material=brushed, smooth=False),
         MeshSurface(file=file, placements=TURNED, material=PrincipledMaterial(color=(0.2, 0.4, 0.7))),
         MeshSurface(file=file, placements=[Placement(position_mm=(2.2, 0.4, 1.8), scale=0.4)], smooth=False),
         BallSurface(position_mm=(6.2, 0.7, 0.6), radius_mm=0.7, material=brushed),
@@ -83,7 +99,7 @@ def test_instances_look_as_copies_do(monkeypatch, tmp_path):
     assert one.statistics.broken_samples == 0
     difference = np.abs(one.radiance - other.radiance).max(axis=-1)
     assert np.median(difference) < 1e-5
-    assert np.quantile(difference, 0.9) < 1e-2
+    assert np.quantile(difference, 0.99) < 5e-3
     for channel in range(3):
         assert abs(welch_z(one, other, channel=channel)) < 1  # far below chance: the samples are the same
     for name in ("Z", "N.X", "N.Y", "N.Z", "albedo.R"):

@@ -105,6 +105,8 @@ def test_samples_follow_their_density_and_lie_on_the_light(shape, point):
     second = np.bincount(part, 1 / pdf**2, PARTS**2) / SAMPLES
     z = (first - exact) / np.sqrt((second - first**2) / SAMPLES)
     assert np.abs(z).max() < NormalDist().inv_cdf(1 - 1e-4 / 2 / PARTS**2)
+    error = Z_LIMIT * (1 / pdf).std() / np.sqrt(SAMPLES) + 3e-4 * exact.sum()
+    assert abs(first.sum() - exact.sum()) < error
     again = density(0, point, direction * distance[:, None])
     assert np.median(np.abs(again / pdf - 1)) < 2e-4
     assert np.quantile(np.abs(again / pdf - 1), 0.999) < 0.02

@@ -16,7 +16,7 @@ from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MerlMaterial, MeshSurface, Placement
 
-from .merl_models import glossy, gold_paint, matte, write_model
+from .merl_models import glossy, gold_paint, matte, table_of, write_model
 from .meshes import write_ball
 from .probe import probe
 from .statistics import Z_LIMIT, picture_mean, welch_z, z_score
@@ -25,6 +25,7 @@ from .volumes import uniform_grid, volume
 MODELS = {
     "matte": lambda: matte(0.8),
     "paint": gold_paint,
+    "noise": lambda: table_of(np.random.default_rng(6).random((90 * 90 * 180, 3))),
     "mirror-like": lambda: glossy((0.9, 0.8, 0.7), 0.12, (0.0, 0.0, 0.0)),
 }
 
@@ -72,6 +73,7 @@ def test_in_the_middle_of_cells_it_is_what_the_reader_reads(model):
     light, detector = (w[4 * 16200 :: 13] @ turn for w in center_directions())
     exact = table.evaluate(light, detector)
     np.testing.assert_allclose(evaluate(detector, light), exact, rtol=1e-6)
+    np.testing.assert_allclose(evaluate(light, detector), exact, rtol=1e-6)
     assert (exact > 0).any()
 
 
