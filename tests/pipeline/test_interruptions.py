@@ -83,8 +83,17 @@ def test_a_signal_leaves_a_checkpoint_and_a_picture(fresh, sent, code):
     assert_same(out / "image.exr", picture)
 
 
+def wait_for_another(file, before, process, seconds=60):
+    """Until the file has another content, or the process ends."""
+    end = time.monotonic() + seconds
+    while process.poll() is None and time.monotonic() < end:
+        if file.is_file() and file.read_bytes() != before:
+            return
+        time.sleep(0.02)
+
+
 def kill_and_resume(fresh, kills, seed):
-    """Kill at random moments, from the start of the process on, until it has been killed so often."""
+    """Kill at random moments, most of them after it wrote a checkpoint, until it has been killed so often."""
     path, picture, out = fresh
     chance = random.Random(seed)
     checkpoint = out / "image.checkpoint.exr"
@@ -92,9 +101,13 @@ def kill_and_resume(fresh, kills, seed):
     for _ in range(kills):
         process = start(path, *OFTEN, "--resume", "--force")
         try:
-            process.communicate(timeout=chance.uniform(0.3, 6.0))
+            if chance.random() < 0.7:
+                wait_for_another(checkpoint, before, process)
+                process.communicate(timeout=chance.uniform(0.0, 0.7))
+            process.communicate(timeout=chance.uniform(0.0, 2.0))
             survived += 1
             checkpoint.unlink(missing_ok=True)
+            before = b""
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()
