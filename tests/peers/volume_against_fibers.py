@@ -27,7 +27,7 @@ KINDS = {
     "fibers": {"correlation": "fibers"},
     "offset 3.5": {"self_shadow_offset_fibers": 3.5},
 }
-PICTURE = (192, 128)
+PICTURE = (96, 64)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def traced_picture(case: Case, samples: int) -> np.ndarray:
     return (total / samples).reshape(height, width)
 
 
-def draw(folder: Path, light, *, samples: int = 24) -> None:
+def draw(folder: Path, light, *, samples: int = 26) -> None:
     """Rows: all, every tenth fiber. Columns: traced; voxels of 0.03 mm, plain and correlated; 0.12 mm."""
     from PIL import Image
 
@@ -126,7 +126,7 @@ def draw(folder: Path, light, *, samples: int = 24) -> None:
         for voxel, kind in ((0.03, "as it is"), (0.03, "fibers"), (0.12, "fibers")):
             volume = voxelized(case.scene, voxel)
             shown.append(rendered(volume, case.half, light, PICTURE, samples, **KINDS[kind]))
-        rows.append(np.concatenate(shown, axis=1) * (2.5 if keep == 1 else 5))
+        rows.append(np.concatenate(shown, axis=1) * 1.5)
     picture = np.clip(np.concatenate(rows, axis=0), 0, 1) ** (1 / 2.2)
     Image.fromarray((255 * picture).astype(np.uint8)).save(folder / "volume_against_fibers.png")
 
