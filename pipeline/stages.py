@@ -352,6 +352,7 @@ GRID_CODE = tuple(
         "grid_files",
         "memory",
         "nanovdb",
+        "native_tiles",
         "openvdb_library",
         "parts",
         "report",

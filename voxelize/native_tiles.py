@@ -27,6 +27,17 @@ def has_native_tiles() -> bool:
     return _extension() is not None
 
 
+def active_values(values: np.ndarray, masks: np.ndarray) -> np.ndarray:
+    """Values of the active voxels of bricks, shape [active_count(, 3)]; masks as `FiberGrid.masks`."""
+    module = _extension()
+    if module is None:
+        inside = np.unpackbits(masks.view(np.uint8), axis=1, bitorder="little").astype(bool)
+        return values[inside]
+    packed = np.empty((int(np.bitwise_count(masks).sum()), *values.shape[2:]), np.float32)
+    module.pack(values, masks, packed)
+    return packed
+
+
 class NativeTileSums:
     """`TileSums` in C++."""
 

@@ -21,6 +21,7 @@ import numpy as np
 from weft.files.atomic import atomic_write
 
 from .grid import CHANNELS, brick_digests, empty_values, occupied
+from .native_tiles import active_values
 
 if TYPE_CHECKING:
     from .accumulator import BrickBatch
@@ -82,12 +83,11 @@ class PartFolder:
     def write(self, number: int, medium: int, batch: BrickBatch, generated_units: int) -> TilePart:
         """Store a tile; `OSError` or `InputError` where that fails, and nothing is left of it."""
         masks = occupied(batch.density)
-        inside = batch.density > 0
         part = TilePart(
             number=number,
             medium=medium,
             brick_count=len(batch.origins),
-            voxel_count=int(np.count_nonzero(inside)),
+            voxel_count=int(np.bitwise_count(masks).sum()),
             channels=list(batch.channels),
             generated_units=generated_units,
             density_sum=float(batch.density.sum(dtype=np.float64)),
@@ -102,7 +102,7 @@ class PartFolder:
             for name, array in (("origins", batch.origins), ("masks", masks), ("digests", digests)):
                 _append(file, digest, np.ascontiguousarray(array, dtype=INDEX[name][0]))
             for channel in batch.channels.values():
-                _append(file, digest, np.ascontiguousarray(channel[inside], dtype="<f4"))
+                _append(file, digest, active_values(channel, masks))
             _write_all(file, digest.digest())
         return part
 

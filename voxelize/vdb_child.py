@@ -1,7 +1,8 @@
 """Reading a .vdb file in a child process with limits on time and memory.
 
 libopenvdb checks little: a damaged file may hang it, exhaust memory or crash it. Here that becomes an
-`InputError`. The child writes one line of JSON to its output, and the arrays to a file that lives in memory.
+`InputError`. The child writes one line of JSON to its output, and puts the arrays into a file that lives in
+memory, where the parent maps them.
 """
 
 from __future__ import annotations
@@ -62,27 +63,18 @@ def _memory_file() -> IO[bytes]:
 
 
 def _load_arrays(grids: list[dict[str, Any]], file: IO[bytes]) -> list[dict[str, Any]]:
-    file.seek(0)
+    """Every grid with its leaves, which stay where the child has put them."""
     for grid in grids:
-        shapes = grid.pop("shapes")
-        if shapes:
-            grid["leaves"] = {
-                name: np.fromfile(file, dtype=dtype, count=int(np.prod(shapes[name]))).reshape(shapes[name])
-                for name, dtype in ARRAYS.items()
-            }
+        places = grid.pop("places", None)
+        if places is not None:
+            grid["leaves"] = {name: _map_array(file, dtype, *places[name]) for name, dtype in ARRAYS.items()}
     return grids
 
 
-def _save_arrays(grids: list[dict[str, Any]], file: IO[bytes]) -> list[dict[str, Any]]:
-    """Write the leaves of every grid; what is left of the grids, with the arrays' shapes."""
-    rest = []
-    for grid in grids:
-        leaves = grid.pop("leaves", None)
-        shapes = {name: leaves[name].shape for name in ARRAYS} if leaves else {}
-        for name in shapes:
-            np.ascontiguousarray(leaves[name], dtype=ARRAYS[name]).tofile(file)
-        rest.append({**grid, "shapes": shapes})
-    return rest
+def _map_array(file: IO[bytes], dtype: Any, offset: int, shape: list[int]) -> np.ndarray:
+    if not all(shape):
+        return np.empty(shape, dtype)
+    return np.memmap(file, dtype, "r+", offset=offset, shape=tuple(shape)).view(np.ndarray)
 
 
 def _main(path: str, arrays: int, memory: int, with_leaves: bool) -> int:
@@ -92,9 +84,8 @@ def _main(path: str, arrays: int, memory: int, with_leaves: bool) -> int:
     output = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     try:
-        grids = extension().read_grids(path, with_leaves=with_leaves)
-        with os.fdopen(arrays, "wb", buffering=0) as file:
-            json.dump(_save_arrays(grids, file), output)
+        grids = extension().read_grids(path, with_leaves=with_leaves, arrays_file=arrays)
+        json.dump(grids, output)
         output.close()
     except Exception as error:
         print(" ".join(str(error).split()) or type(error).__name__, file=sys.stderr)

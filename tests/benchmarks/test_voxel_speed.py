@@ -20,8 +20,10 @@ from weft.voxelize.config import VoxelizeConfig
 from weft.voxelize.fill import fill_tiles
 from weft.voxelize.grid import FiberVolume
 from weft.voxelize.openvdb_library import extension
+from weft.voxelize.parts import PartFolder
 from weft.voxelize.plan import checked_region, plan_tiles
 from weft.voxelize.sources import FiberSource, SegmentSource
+from weft.voxelize.stream import finish_tiles
 from weft.voxelize.tiles import TileWork, snap_region
 from weft.voxelize.voxelize import voxelize_segments
 
@@ -165,15 +167,18 @@ def test_time_grows_with_fiber_length(pytestconfig):
     print(f"\nslope over a factor of {lengths[-1] / lengths[0]:.0f}: {slope:.3f}")
 
 
-def test_two_workers_against_one(segments):
-    config = VoxelizeConfig(voxel_size_mm=VOXEL, tile_voxels=32)
-    source = SegmentSource(segments, fiber_radius_mm=RADIUS)
-    plan = plan_tiles(config, source, checked_region(config, source), 32)
+def test_two_workers_against_one(pytestconfig, tmp_path):
+    """A knit square to finished tiles on the disk, hashes and all."""
+    source, config = FiberSource(knit_fibers(pytestconfig, 40.0)), VoxelizeConfig(voxel_size_mm=VOXEL)
+    plan = plan_tiles(config, source, checked_region(config, source), config.tile_voxels)
 
     def seconds(workers: int) -> float:
+        folder = PartFolder(tmp_path / "parts", "benchmark")
         begin = time.perf_counter()
-        fill_tiles(source, plan, lambda *_: None, workers=workers, progress=None)
-        return time.perf_counter() - begin
+        finish_tiles(source, plan, folder, workers, None)
+        taken = time.perf_counter() - begin
+        folder.remove()
+        return taken
 
     seconds(1)
     ratios = [seconds(1) / seconds(2) for _ in range(5)]

@@ -7,7 +7,7 @@ import pytest
 
 from weft.voxelize.accumulator import BrickBatch, TileAccumulator
 from weft.voxelize.coverage import line_offsets
-from weft.voxelize.native_tiles import has_native_tiles
+from weft.voxelize.native_tiles import active_values, has_native_tiles
 from weft.voxelize.sources import FiberSource, SegmentSource, Source
 from weft.voxelize.tiles import TileWork, VoxelBox, snap_region
 
@@ -104,6 +104,14 @@ def test_far_from_the_origin():
 def test_fibers(fibers):
     made = assert_same_bits(FiberSource(fibers), 0.04)
     assert (made.density > 0).sum() > 1000
+
+
+def test_active_values_one_after_the_other(make_grid):
+    grid = make_grid(3, 20)
+    for values in (grid.density, grid.direction):
+        assert np.array_equal(active_values(values, grid.masks), values[grid.density > 0])
+    nothing = make_grid(3, 0)
+    assert active_values(nothing.direction, nothing.masks).shape == (0, 3)
 
 
 def test_order_of_segments_leaves_no_trace():

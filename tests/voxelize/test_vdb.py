@@ -249,7 +249,7 @@ def test_a_reader_that_hangs_is_stopped(volume, tmp_path):
 
 @needs_openvdb
 def test_a_reader_that_wants_too_much_memory_is_stopped(make_grid, tmp_path):
-    vdb.write_volume(tmp_path / "a.vdb", FiberVolume({"yarn": make_grid(0, 2000, fill=0.001)}))
+    vdb.write_volume(tmp_path / "a.vdb", FiberVolume({"yarn": make_grid(0, 8000, fill=0.001)}))
     with pytest.raises(InputError, match="cannot be read"):
         vdb_child.read_in_child(tmp_path / "a.vdb", with_leaves=True, memory_bytes=300 * 2**20)
 

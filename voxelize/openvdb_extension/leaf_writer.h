@@ -13,9 +13,19 @@
 
 namespace {
 
-// Fowler, Noll and Vo's FNV-1a, to tell whether the disk gives back what was written.
+constexpr size_t kChecked = size_t(1) << 20;
+
+// Of one block of kChecked bytes, the last one shorter, after those before: tells whether the disk gives back what was
+// written. Eight bytes a step, as Fowler, Noll and Vo's FNV-1a does with one.
 uint64_t checksum(const char* data, size_t count, uint64_t hash = 14695981039346656037ull) {
-    for (size_t i = 0; i < count; ++i) hash = (hash ^ uint8_t(data[i])) * 1099511628211ull;
+    size_t i = 0;
+    for (; i + 8 <= count; i += 8) {
+        uint64_t word;
+        std::memcpy(&word, data + i, 8);
+        hash = (hash ^ word) * 1099511628211ull;
+        hash ^= hash >> 29;
+    }
+    for (; i < count; ++i) hash = (hash ^ uint8_t(data[i])) * 1099511628211ull;
     return hash;
 }
 
@@ -59,14 +69,17 @@ public:
         this->tree().getNodes(leaves);
         std::vector<std::string> blocks(std::min(leaves.size(), kLeavesAtOnce));
         mWritten = WrittenRange{os.tellp()};
+        std::string unwritten;
+        unwritten.reserve(2 * kChecked);
         for (size_t begin = 0; begin < leaves.size(); begin += kLeavesAtOnce) {
             const size_t count = std::min(kLeavesAtOnce, leaves.size() - begin);
             tbb::parallel_for(size_t(0), count, [&](size_t i) { blocks[i] = leafBytes(os, *leaves[begin + i]); });
             for (size_t i = 0; i < count; ++i) {
-                os.write(blocks[i].data(), std::streamsize(blocks[i].size()));
-                mWritten.hash = checksum(blocks[i].data(), blocks[i].size(), mWritten.hash);
+                unwritten += blocks[i];
+                if (unwritten.size() >= kChecked) writeBlock(os, unwritten, kChecked);
             }
         }
+        writeBlock(os, unwritten, unwritten.size());
         mWritten.end = os.tellp();
         const_cast<StreamedGrid*>(this)->dropTree();
     }
@@ -94,6 +107,12 @@ private:
         this->addStatsMetadata();
         const auto bytes = int64_t(this->tree().memUsage() + mOrder.size() * kLeafVoxels * sizeof(ValueT));
         this->insertMeta(openvdb::GridBase::META_FILE_MEM_BYTES, openvdb::Int64Metadata(bytes));
+    }
+
+    void writeBlock(std::ostream& os, std::string& bytes, size_t count) const {
+        os.write(bytes.data(), std::streamsize(count));
+        mWritten.hash = checksum(bytes.data(), count, mWritten.hash);
+        bytes.erase(0, count);
     }
 
     std::string leafBytes(std::ostream& os, const LeafT& empty) const {
@@ -174,7 +193,10 @@ int writeStream(const std::string& path, const openvdb::GridCPtrVec& grids, cons
     try {
         errno = 0;
         stream.exceptions(std::ios::failbit | std::ios::badbit);
-        CheckedArchive().writeTo(stream, grids, metadata);
+        CheckedArchive archive;
+        // active voxels alone and as they are: Blosc takes 2 % off their bytes and a third of the speed
+        archive.setCompression(openvdb::io::COMPRESS_ACTIVE_MASK);
+        archive.writeTo(stream, grids, metadata);
         stream.flush();
         return 0;
     } catch (const std::ios_base::failure&) {
@@ -202,7 +224,7 @@ const WrittenRange* rangeOf(const openvdb::GridBase& grid) {
 // Whether the file gives back the bytes of every grid's values.
 bool givesBack(const std::string& path, const openvdb::GridCPtrVec& grids) {
     std::ifstream file(path, std::ios::binary);
-    std::vector<char> block(size_t(1) << 20);
+    std::vector<char> block(kChecked);
     for (const auto& grid : grids) {
         const WrittenRange* range = rangeOf<openvdb::FloatGrid>(*grid);
         if (!range) range = rangeOf<openvdb::Vec3SGrid>(*grid);

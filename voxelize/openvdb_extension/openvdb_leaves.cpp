@@ -4,6 +4,7 @@
 // (N, 512, 3) float32, voxel (x, y, z) at (x * 8 + y) * 8 + z. World position of voxel center (i, j, k):
 // voxel_size * (i, j, k) + translation.
 #include "leaf_grid.h"
+#include "leaf_reader.h"
 #include "leaf_stream.h"
 #include "leaf_writer.h"
 
@@ -80,6 +81,26 @@ void compareGrids(const std::string& path, const std::vector<LeafGrid*>& grids) 
     compareGridsIn(path, grids);
 }
 
+LeafArrays copyAnyLeaves(openvdb::GridBase& grid, Arena& arena, size_t maxLeaves) {
+    if (grid.isType<openvdb::FloatGrid>()) return copyLeaves(static_cast<openvdb::FloatGrid&>(grid), arena, maxLeaves);
+    if (grid.isType<openvdb::Vec3SGrid>()) return copyLeaves(static_cast<openvdb::Vec3SGrid&>(grid), arena, maxLeaves);
+    throw std::invalid_argument(grid.getName() + ": type " + grid.type() + " is neither float nor vec3s");
+}
+
+LeafArrays readAnyLeaves(const UnreadFile& archive, const UnreadGrid& unread, const Mapping& file, Arena& arena,
+                         size_t maxLeaves) {
+    return unread.grid->isType<openvdb::FloatGrid>()
+               ? readLeaves<openvdb::FloatGrid>(archive, unread, file, arena, maxLeaves)
+               : readLeaves<openvdb::Vec3SGrid>(archive, unread, file, arena, maxLeaves);
+}
+
+template <typename T>
+nb::object ownedArray(OneArray& array, const std::vector<size_t>& shape) {
+    auto* memory = new Mapping(std::move(array.memory));
+    nb::capsule owner(memory, [](void* p) noexcept { delete static_cast<Mapping*>(p); });
+    return nb::cast(nb::ndarray<nb::numpy, T>(static_cast<T*>(memory->data()), shape.size(), shape.data(), owner));
+}
+
 template <typename T>
 nb::object ownedArray(std::unique_ptr<T[]> data, const std::vector<size_t>& shape) {
     T* pointer = data.release();
@@ -87,62 +108,24 @@ nb::object ownedArray(std::unique_ptr<T[]> data, const std::vector<size_t>& shap
     return nb::cast(nb::ndarray<nb::numpy, T>(pointer, shape.size(), shape.data(), owner));
 }
 
-// The leaves of a grid as arrays, made without the GIL.
-struct LeafArrays {
-    size_t count = 0;
-    size_t components = 1;
-    std::unique_ptr<int32_t[]> origins;
-    std::unique_ptr<uint64_t[]> masks;
-    std::unique_ptr<float[]> values;
-};
-
-template <typename GridT>
-LeafArrays copyLeaves(GridT& grid, size_t maxLeaves) {
-    using LeafT = typename GridT::TreeType::LeafNodeType;
-    using ValueT = typename GridT::ValueType;
-    constexpr size_t components = sizeof(ValueT) / sizeof(float);
-    auto& tree = grid.tree();
-    if (tree.hasActiveTiles()) {
-        requireThat(tree.activeVoxelCount() / kLeafVoxels < maxLeaves, grid.getName() + ": too many voxels in tiles");
-        tree.voxelizeActiveTiles();
-    }
-    requireThat(tree.leafCount() <= maxLeaves, grid.getName() + ": more than " + std::to_string(maxLeaves) + " leaves");
-    std::vector<const LeafT*> leaves;
-    leaves.reserve(tree.leafCount());
-    tree.getNodes(leaves);
-    tbb::parallel_sort(leaves.begin(), leaves.end(),
-                       [](const LeafT* a, const LeafT* b) { return a->origin() < b->origin(); });
-    LeafArrays arrays;
-    arrays.count = leaves.size();
-    arrays.components = components;
-    arrays.origins.reset(new int32_t[arrays.count * 3]);
-    arrays.masks.reset(new uint64_t[arrays.count * 8]);
-    arrays.values.reset(new float[arrays.count * kLeafVoxels * components]);
-    tbb::parallel_for(size_t(0), arrays.count, [&](size_t i) {
-        const LeafT& leaf = *leaves[i];
-        for (int axis = 0; axis < 3; ++axis) arrays.origins[3 * i + axis] = leaf.origin()[axis];
-        for (uint32_t word = 0; word < 8; ++word) {
-            arrays.masks[8 * i + word] = leaf.getValueMask().template getWord<uint64_t>(word);
-        }
-        std::memcpy(arrays.values.get() + i * kLeafVoxels * components, leaf.buffer().data(),
-                    kLeafVoxels * sizeof(ValueT));
-    });
-    return arrays;
-}
-
-LeafArrays copyAnyLeaves(openvdb::GridBase& grid, size_t maxLeaves) {
-    if (grid.isType<openvdb::FloatGrid>()) return copyLeaves(static_cast<openvdb::FloatGrid&>(grid), maxLeaves);
-    if (grid.isType<openvdb::Vec3SGrid>()) return copyLeaves(static_cast<openvdb::Vec3SGrid&>(grid), maxLeaves);
-    throw std::invalid_argument(grid.getName() + ": type " + grid.type() + " is neither float nor vec3s");
-}
-
-nb::object toArrays(LeafArrays& arrays) {
+nb::dict toArrays(LeafArrays& arrays) {
     std::vector<size_t> shape{arrays.count, kLeafVoxels};
     if (arrays.components == 3) shape.push_back(3);
     nb::dict out;
-    out["origins"] = ownedArray(std::move(arrays.origins), {arrays.count, 3});
-    out["masks"] = ownedArray(std::move(arrays.masks), {arrays.count, 8});
-    out["values"] = ownedArray(std::move(arrays.values), shape);
+    out["origins"] = ownedArray<int32_t>(arrays.origins, {arrays.count, 3});
+    out["masks"] = ownedArray<uint64_t>(arrays.masks, {arrays.count, 8});
+    out["values"] = ownedArray<float>(arrays.values, shape);
+    return out;
+}
+
+// Where the arrays begin in the file that they were put into, and their shapes.
+nb::dict toPlaces(const LeafArrays& arrays) {
+    std::vector<size_t> shape{arrays.count, kLeafVoxels};
+    if (arrays.components == 3) shape.push_back(3);
+    nb::dict out;
+    out["origins"] = nb::make_tuple(arrays.origins.offset, nb::make_tuple(arrays.count, 3));
+    out["masks"] = nb::make_tuple(arrays.masks.offset, nb::make_tuple(arrays.count, 8));
+    out["values"] = nb::make_tuple(arrays.values.offset, shape);
     return out;
 }
 
@@ -162,29 +145,47 @@ nb::dict describe(const openvdb::GridBase& grid) {
     return all;
 }
 
-nb::list readGrids(const std::string& path, size_t maxLeaves, bool withLeaves) {
+// All grids, with empty trees where only their metadata is wanted.
+openvdb::GridPtrVec readByLibrary(const std::string& path, bool withLeaves) {
+    openvdb::io::File file(path);
+    // delayLoad would map the file, or copy it to a temporary place, and read it later.
+    file.open(false);
+    const openvdb::GridPtrVecPtr all = withLeaves ? file.getGrids() : file.readAllGridMetadata();
+    file.close();
+    return *all;
+}
+
+nb::list readGrids(const std::string& path, size_t maxLeaves, bool withLeaves, int arraysFile) {
     openvdb::GridPtrVec grids;
+    std::vector<LeafArrays> arrays;
+    Arena arena(arraysFile);
     {
         nb::gil_scoped_release unlocked;
-        openvdb::io::File file(path);
-        // delayLoad would map the file, or copy it to a temporary place, and read it later.
-        file.open(false);
-        const openvdb::GridPtrVecPtr all = withLeaves ? file.getGrids() : file.readAllGridMetadata();
-        grids = *all;
-        file.close();
+        UnreadFile archive;
+        if (withLeaves && archive.open(path)) {
+            const Mapping file = mapFile(path);
+            for (const UnreadGrid& unread : archive.grids()) {
+                grids.push_back(unread.grid);
+                arrays.push_back(readAnyLeaves(archive, unread, file, arena, maxLeaves));
+            }
+        } else {
+            grids = readByLibrary(path, withLeaves);
+        }
     }
     nb::list out;
-    for (auto& grid : grids) {
-        nb::dict entry = describe(*grid);
+    const bool areRead = !arrays.empty();
+    for (size_t i = 0; i < grids.size(); ++i) {
+        nb::dict entry = describe(*grids[i]);
+        const bool isKnown = grids[i]->isType<openvdb::FloatGrid>() || grids[i]->isType<openvdb::Vec3SGrid>();
         // Files of other programs may hold more: of grids of other types name and type alone are passed on.
-        if (withLeaves && (grid->isType<openvdb::FloatGrid>() || grid->isType<openvdb::Vec3SGrid>())) {
-            LeafArrays arrays;
-            {
+        if (withLeaves && isKnown) {
+            if (!areRead) {
                 nb::gil_scoped_release unlocked;
-                arrays = copyAnyLeaves(*grid, maxLeaves);
-                grid.reset();
+                arrays.push_back(copyAnyLeaves(*grids[i], arena, maxLeaves));
             }
-            entry["leaves"] = toArrays(arrays);
+            LeafArrays& leaves = areRead ? arrays[i] : arrays.back();
+            grids[i].reset();
+            entry[arena.isFile() ? "places" : "leaves"] = arena.isFile() ? toPlaces(leaves) : toArrays(leaves);
         }
         out.append(entry);
     }
@@ -241,8 +242,10 @@ NB_MODULE(_openvdb, module) {
     module.def("compare_grids", &compareGrids, "path"_a, "grids"_a,
                "Raise RuntimeError unless the file holds exactly these grids.");
     module.def("read_grids", &readGrids, "path"_a, nb::kw_only(), "max_leaves"_a = kMaxLeaves, "with_leaves"_a = true,
+               "arrays_file"_a = -1,
                "All grids of a .vdb file: name, type, metadata, index_to_world (row vectors), and of float and vec3s "
-               "grids their leaves sorted by origin. `with_leaves=False` reads no tree.");
+               "grids their leaves sorted by origin. `with_leaves=False` reads no tree. With `arrays_file`, a "
+               "descriptor, the leaves are put into that file and `places` says where: offset and shape.");
     module.def("stream_grid", &streamGrid, "path"_a, "name"_a, "sink"_a,
                "Call `sink(origins, values)` for the leaves of one grid, in the order of the file; its name, type, "
                "metadata and index_to_world.");

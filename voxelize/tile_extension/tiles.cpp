@@ -21,6 +21,9 @@ using Flags = nb::ndarray<const uint8_t, nb::shape<-1>, nb::c_contig, nb::device
 using Numbers = nb::ndarray<const int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Offsets = nb::ndarray<const float, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 using Scalars = nb::ndarray<float, nb::shape<-1, 512>, nb::c_contig, nb::device::cpu>;
+using Values = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+using Masks = nb::ndarray<const uint64_t, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
+using Packed = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
 using Vectors = nb::ndarray<float, nb::shape<-1, 512, 3>, nb::c_contig, nb::device::cpu>;
 
 void requireThat(bool condition, const char* message) {
@@ -74,6 +77,26 @@ void resolve(weft::TileSums& tile, const Numbers& bricks, double densityPerUnit,
                         {density.data(), direction.data(), diag ? diag->data() : nullptr, off ? off->data() : nullptr});
 }
 
+// The values of active voxels, one after the other.
+void pack(const Values& values, const Masks& masks, const Packed& packed) {
+    nb::gil_scoped_release unlocked;
+    const size_t count = masks.shape(0), width = values.size() / (count * 512 + (count == 0));
+    requireThat(values.size() == count * 512 * width && (width == 1 || width == 3 || count == 0),
+                "values are not those of the masks' bricks");
+    const uint64_t* words = masks.data();
+    size_t active = 0;
+    for (size_t i = 0; i < count * 8; ++i) active += size_t(__builtin_popcountll(words[i]));
+    requireThat(packed.size() == active * width, "packed values are not as many as active voxels");
+    float* out = packed.data();
+    for (size_t i = 0; i < count * 8; ++i) {
+        const float* word = values.data() + i * 64 * width;
+        for (uint64_t left = words[i]; left; left &= left - 1) {
+            const float* value = word + size_t(__builtin_ctzll(left)) * width;
+            for (size_t k = 0; k < width; ++k) *out++ = value[k];
+        }
+    }
+}
+
 nb::object usedOf(nb::handle self) {
     auto& tile = nb::cast<weft::TileSums&>(self);
     return nb::cast(nb::ndarray<nb::numpy, uint8_t, nb::shape<-1>>(tile.used(), {tile.brickCount()}, self));
@@ -104,6 +127,8 @@ NB_MODULE(_tiles, module) {
     nb::class_<TilePlace>(module, "TilePlace", "Where a tile lies, and what stands for a fiber.")
         .def("__init__", makePlace, "origin"_a, "low"_a, "high"_a, "inverse_size"_a, "scale"_a,
              "offsets"_a.noconvert(), "region_low"_a, "region_high"_a);
+    module.def("pack", &pack, "values"_a.noconvert(), "masks"_a.noconvert(), "packed"_a.noconvert(),
+               "Write the values of active voxels one after the other.");
     nb::class_<weft::TileSums>(module, "TileSums", "The sums of one tile of so many bricks along the edge.")
         .def(nb::init<int32_t>(), "bricks_per_side"_a)
         .def("add", &add, "place"_a, "points"_a.noconvert(), "flags"_a.noconvert(), "stride"_a,
