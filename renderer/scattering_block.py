@@ -48,6 +48,10 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
         "same; kind: 0 uniform, 1 wrapped normal (images), 2 (series), 3 von Mises",
     ),
     ("table", 1, "x: the medium's first row of fiber_table[], for symmetric"),
+    ("grow_width", 1, "beta for light along the fiber, less width; w: 1 where anything grows"),
+    ("grow_around", 1, "gamma of TT and TRT for light along the fiber, less that at normal incidence"),
+    ("grow_tt", 1, "rgb: C_TT T for light along the fiber, less energy_tt"),
+    ("grow_trt", 1, "rgb: C_TRT (1 - T) for light along the fiber, less energy_trt"),
 )
 FLOATS_PER_MEDIUM = 4 * sum(count for _, count, _ in FIELDS)
 BLOCK_SHADER = Path(__file__).parent / "shaders" / "phase" / "fiber_block.glsl"
@@ -91,6 +95,11 @@ def symmetric_share(media: Sequence[FiberScatteringParameters]) -> int:
     return int(any(symmetric)) + int(all(symmetric))
 
 
+def grazing_share(media: Sequence[FiberScatteringParameters]) -> int:
+    """The constant FIBER_GRAZING: 1 where widths or T of a medium go with the inclination of the light."""
+    return int(any(one.varies_with_angle for one in media))
+
+
 def block_values(parameters: FiberScatteringParameters) -> dict[str, Row]:
     """The fields by name, each [count, 4] in float64."""
     t = parameters.fresnel_tt
@@ -104,9 +113,9 @@ def block_values(parameters: FiberScatteringParameters) -> dict[str, Row]:
         "width": _vec4(betas, KINDS[kind]),
         "around_tt": _azimuthal(parameters.azimuthal, parameters.azimuthal_width_tt),
         "around_trt": _azimuthal(parameters.azimuthal, parameters.azimuthal_width_trt),
-    }
+    } | _growth(parameters)
     if kind == "gaussian":
-        return values | _gaussian_constants(betas)
+        return values | _gaussian_constants(betas, betas + values["grow_width"][0, :3])
     nothing = {name: np.zeros((count, 4)) for name, count, _ in FIELDS if name.startswith("norm_")}
     if kind == "vmf":
         peak = _vec4(1 / (betas**2 * -np.expm1(-2 / betas**2)))
@@ -115,19 +124,39 @@ def block_values(parameters: FiberScatteringParameters) -> dict[str, Row]:
     return values | nothing | {"peak": peak, "norm_constant": np.ones((1, 4))}
 
 
+def _growth(parameters: FiberScatteringParameters) -> dict[str, Row]:
+    """What widths and energies gain from light at a right angle to light along the fiber."""
+
+    def gain(name: str) -> float:
+        return (parameters.at_grazing(name) or 0.0) - (getattr(parameters, name) or 0.0)
+
+    along = [gain(f"longitudinal_width_{lobe}") for lobe in ("r", "tt", "trt")]
+    around = [gain(f"azimuthal_width_{lobe}") for lobe in ("tt", "trt")]
+    t = gain("fresnel_tt")
+    return {
+        "grow_width": _vec4(along, float(parameters.varies_with_angle)),
+        "grow_around": _vec4([*around, 0.0]),
+        "grow_tt": _vec4(np.multiply(parameters.color_tt, t)),
+        "grow_trt": _vec4(np.multiply(parameters.color_trt, -t)),
+    }
+
+
 def _vec4(xyz: Sequence[float] | Row, w: float = 0.0) -> Row:
     return np.array([[*xyz, w]], dtype=np.float64)
 
 
-def _gaussian_constants(betas: Row) -> dict[str, Row]:
+def _gaussian_constants(betas: Row, grazing: Row) -> dict[str, Row]:
     tail = np.zeros((NORMALIZATION_TERMS, 4))
     narrow = np.zeros(3)
-    for k, beta in enumerate(betas):
-        fits = [_fit_normalization_tail(beta, narrow=kind) for kind in (False, True)]
+    for k, (beta, along) in enumerate(zip(betas, grazing, strict=True)):
+        if along == beta:
+            fits = [_fit_normalization_tail(beta, narrow=kind) for kind in (False, True)]
+        else:
+            fits = [_fit_growing_tail(beta, along, narrow=kind) for kind in (False, True)]
         best = int(np.argmin([error for _, error in fits]))
         tail[:, k], error = fits[best]
         narrow[k] = best
-        if error > 2e-6:
+        if error > (2e-6 if along == beta else 6e-6):
             raise ValueError(f"the tail of G at beta = {beta} rad is off by {error:.1e}; add terms")
     return {
         "peak": _vec4(1 / (betas * np.sqrt(2 * np.pi))),
@@ -155,6 +184,32 @@ def _fit_normalization_tail(beta: float, *, narrow: bool) -> tuple[Row, float]:
     terms = (
         NORMALIZATION_TERMS - 1 if narrow else NORMALIZATION_TERMS
     )  # one more term would cost float32 digits
+    basis = np.vander(variable, terms, increasing=True) * (falloff / exact)[:, None]
+    missing = (uncut - exact) / exact
+    coefficients = np.linalg.lstsq(basis, missing, rcond=None)[0]
+    padded = np.zeros(NORMALIZATION_TERMS)
+    padded[:terms] = coefficients
+    return padded, float(np.abs(basis @ coefficients - missing).max())
+
+
+def _fit_growing_tail(beta: float, along: float, *, narrow: bool) -> tuple[Row, float]:
+    """As `_fit_normalization_tail`, of a width that goes from `beta` to `along` with 1 - cos(theta_o).
+
+    Near the pole G goes with the square of the width there, so the tail is fitted over that of the width:
+    (width / beta)² times the polynomial, which fiber_grazing.glsl multiplies in.
+    """
+    chebyshev = 0.5 - 0.5 * np.cos(np.pi * (np.arange(400) + 0.5) / 400)
+    dense = np.linspace(1e-3, 1, 4000) * np.pi / 2
+    near = dense <= 6.5 * (beta + (along - beta) * (1 - np.sin(dense)))
+    gap = chebyshev * (dense[near].max(initial=dense[0]) if narrow else np.pi / 2)
+    theta = np.pi / 2 - gap
+    width = beta + (along - beta) * (1 - np.cos(theta))
+    exact = gaussian_normalization(theta, width)
+    uncut = -0.5 * np.expm1(-2 * width**2) + np.exp(-2 * width**2) * np.cos(theta) ** 2
+    y = gap / width
+    falloff = (width / beta) ** 2 * (np.exp(-0.5 * y**2) if narrow else 1.0)
+    variable = 1 / (1 + 0.5 * y) if narrow else (2 * theta / np.pi) ** 2
+    terms = NORMALIZATION_TERMS - 1 if narrow else NORMALIZATION_TERMS
     basis = np.vander(variable, terms, increasing=True) * (falloff / exact)[:, None]
     missing = (uncut - exact) / exact
     coefficients = np.linalg.lstsq(basis, missing, rcond=None)[0]

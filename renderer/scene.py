@@ -22,7 +22,7 @@ from .gpu.shader_source import Constant
 from .lights import LightTable, LocalValues, build_light_table
 from .local_lights import LOCAL_ROWS, LocalLight, Stage, fluence_at, light_rows, light_values, local_lights
 from .pixel_filter import CELLS, KINDS, filter_uniforms
-from .scattering_block import pack_scattering, pack_symmetric_tables, symmetric_share
+from .scattering_block import grazing_share, pack_scattering, pack_symmetric_tables, symmetric_share
 from .simple_phases import IsotropicPhase, SimplePhase, flake_roughness, pack_simple, simple_constants
 from .stencil import cut_out
 from .surfaces import SurfaceTable, build_surface_table
@@ -282,7 +282,11 @@ def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scatterin
 def _fiber_phase_table(fibers: list[FiberScatteringParameters]) -> PhaseTable:
     """The media, then the tables of the symmetric ones: in one buffer, since OpenGL 4.3 promises eight."""
     tables = pack_symmetric_tables(fibers)
-    constants = {"MEDIUM_COUNT": len(fibers), "FIBER_SYMMETRIC": symmetric_share(fibers)}
+    constants = {
+        "MEDIUM_COUNT": len(fibers),
+        "FIBER_SYMMETRIC": symmetric_share(fibers),
+        "FIBER_GRAZING": grazing_share(fibers),
+    }
     block = (
         '#include "phase/fiber_block.glsl"\n#constant MEDIUM_COUNT\n'
         "layout(std430, binding = 6) readonly buffer PhaseMedia {\n"

@@ -17,9 +17,11 @@ Array = NDArray[np.float64]
 _VON_MISES_CELLS = 2048
 
 
-def wrapped_normal_eval(phi: ArrayLike, gamma: float) -> Array:
+def wrapped_normal_eval(phi: ArrayLike, gamma: float | Array) -> Array:
     """Sum of Gaussians 2 pi apart where it converges fast, its Fourier series (Poisson sum) elsewhere."""
     phi = np.asarray(phi, dtype=np.float64)
+    if np.ndim(gamma):
+        return _wrapped_normals(phi, np.asarray(gamma))
     phi = phi - 2 * np.pi * np.round(phi / (2 * np.pi))
     if gamma < np.sqrt(np.pi):
         turns = 2 * np.pi * np.arange(-4, 5)
@@ -30,11 +32,22 @@ def wrapped_normal_eval(phi: ArrayLike, gamma: float) -> Array:
     return (1 + 2 * waves.sum(axis=-1)) / (2 * np.pi)
 
 
-def wrapped_normal_sample(gamma: float, u: ArrayLike) -> Array:
+def _wrapped_normals(phi: Array, gamma: Array) -> Array:
+    """The same with a width for each angle, shape of both broadcast together."""
+    phi, gamma = np.broadcast_arrays(phi - 2 * np.pi * np.round(phi / (2 * np.pi)), gamma)
+    turns = 2 * np.pi * np.arange(-4, 5)
+    images = np.exp(-0.5 * ((phi[..., None] + turns) / gamma[..., None]) ** 2).sum(axis=-1)
+    n = np.arange(1, 8)
+    waves = (np.exp(-0.5 * (n * gamma[..., None]) ** 2) * np.cos(n * phi[..., None])).sum(axis=-1)
+    narrow = gamma < np.sqrt(np.pi)
+    return np.where(narrow, images / (gamma * np.sqrt(2 * np.pi)), (1 + 2 * waves) / (2 * np.pi))
+
+
+def wrapped_normal_sample(gamma: float | Array, u: ArrayLike) -> Array:
     return gamma * special.ndtri(np.asarray(u, dtype=np.float64))
 
 
-def von_mises_eval(phi: ArrayLike, gamma: float) -> Array:
+def von_mises_eval(phi: ArrayLike, gamma: float | Array) -> Array:
     kappa = gamma**-2.0
     drop = 2 * np.sin(0.5 * np.asarray(phi, dtype=np.float64)) ** 2  # 1 - cos(phi) without cancellation
     return np.exp(-kappa * drop) / (2 * np.pi * special.i0e(kappa))
@@ -51,8 +64,17 @@ def _von_mises_cumulative(gamma: float) -> tuple[Array, Array]:
     return edges, np.concatenate([[0.0], np.cumsum(mass) / mass.sum()])
 
 
-def von_mises_sample(gamma: float, u: ArrayLike) -> Array:
-    """Invert the cumulative distribution: find the cell, then Newton steps with quadrature of the rest."""
+def von_mises_sample(gamma: float | Array, u: ArrayLike) -> Array:
+    """Invert the cumulative distribution: find the cell, then Newton steps with quadrature of the rest.
+
+    A table per width: where gamma is an array, once for each of its distinct values.
+    """
+    if not isinstance(gamma, float):
+        gammas, numbers = np.broadcast_arrays(gamma, u)
+        phi = np.empty(numbers.shape)
+        for one in np.unique(gammas):
+            phi[gammas == one] = von_mises_sample(float(one), numbers[gammas == one])
+        return phi
     signed = 2 * np.asarray(u, dtype=np.float64) - 1
     edges, cumulative = _von_mises_cumulative(gamma)
     cell = np.clip(np.searchsorted(cumulative, np.abs(signed), side="right") - 1, 0, _VON_MISES_CELLS - 1)

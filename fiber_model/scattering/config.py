@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from weft.files.input_file import InputFile
 
-from .parameters import FiberScatteringParameters
+from .parameters import GRAZING, FiberScatteringParameters
 
 
 def _three_channels(value: Any) -> Any:
@@ -70,6 +70,20 @@ class LobesConfig(BaseModel):
     light travels backwards as it does forwards (reciprocity)."""
     azimuthal: Literal["wrapped_normal", "von_mises"] = "wrapped_normal"
     """Shape around the fiber, of the lobes that are not uniform."""
+    longitudinal_width_r_grazing_deg: LongitudinalWidth | None = None
+    """beta_R for light along the fiber; between, widths go with 1 - cos(inclination). Default: no change.
+    Light at an angle sees a fiber of higher index (Bravais), so lobes widen. None of these beside the kind
+    "symmetric"."""
+    longitudinal_width_tt_grazing_deg: LongitudinalWidth | None = None
+    """beta_TT for light along the fiber."""
+    longitudinal_width_trt_grazing_deg: LongitudinalWidth | None = None
+    """beta_TRT for light along the fiber."""
+    azimuthal_width_tt_grazing_deg: AzimuthalWidth | None = None
+    """gamma_TT for light along the fiber."""
+    azimuthal_width_trt_grazing_deg: AzimuthalWidth | None = None
+    """gamma_TRT for light along the fiber."""
+    fresnel_tt_grazing: Fraction | None = None
+    """T for light along the fiber: what enters there is reflected inside more often."""
 
     @classmethod
     def from_parameters(cls, parameters: FiberScatteringParameters) -> Self:
@@ -97,7 +111,12 @@ class LobesConfig(BaseModel):
             color_trt=self.color_trt,
             longitudinal=self.longitudinal,
             azimuthal=self.azimuthal,
+            **{name: self._grazing(name) for name in GRAZING},
         )
+
+    def _grazing(self, name: str) -> float | None:
+        value = getattr(self, f"{name}_deg" if "_width_" in name else name)
+        return math.radians(value) if "_width_" in name and value is not None else value
 
 
 class ScatteringConfig(LobesConfig):

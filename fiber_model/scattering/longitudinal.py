@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 Array = NDArray[np.float64]
+Width = float | Array
+"""beta [rad]: one, or one for each angle."""
 
 _HALF_PI = np.pi / 2
 _SQRT2 = np.sqrt(2.0)
 
 
-def _gaussian_cos2_partial(theta: ArrayLike, mean: ArrayLike, beta: float) -> Array:
+def _gaussian_cos2_partial(theta: ArrayLike, mean: ArrayLike, beta: Width) -> Array:
     """Antiderivative in theta of g(theta; mean, beta) cos²(theta), up to a constant.
 
     cos² = (1 + Re exp(2i theta)) / 2; the Gaussian integral of the second term is an erf of complex argument.
@@ -28,38 +30,40 @@ def _gaussian_cos2_partial(theta: ArrayLike, mean: ArrayLike, beta: float) -> Ar
     return 0.25 * (special.erf(x) + oscillating.real)
 
 
-def gaussian_normalization(theta_o: ArrayLike, beta: float) -> Array:
+def gaussian_normalization(theta_o: ArrayLike, beta: Width) -> Array:
     """G(theta_o) = ∫ g(theta; -theta_o, beta) cos²(theta) dtheta over the half circle, closed form."""
     mean = -np.asarray(theta_o, dtype=np.float64)
     return _gaussian_cos2_partial(_HALF_PI, mean, beta) - _gaussian_cos2_partial(-_HALF_PI, mean, beta)
 
 
-def gaussian_eval(theta_o: ArrayLike, theta_i: ArrayLike, beta: float) -> Array:
+def gaussian_eval(theta_o: ArrayLike, theta_i: ArrayLike, beta: Width) -> Array:
     theta_o, theta_i = np.asarray(theta_o, dtype=np.float64), np.asarray(theta_i, dtype=np.float64)
     gauss = np.exp(-0.5 * ((theta_i + theta_o) / beta) ** 2) / (beta * np.sqrt(2 * np.pi))
     return gauss * np.cos(theta_i) / gaussian_normalization(theta_o, beta)
 
 
-def gaussian_sample(theta_o: ArrayLike, beta: float, u: ArrayLike) -> Array:
+def gaussian_sample(theta_o: ArrayLike, beta: Width, u: ArrayLike) -> Array:
     """theta_i with density M cos(theta_i), by inverting its cumulative distribution."""
     mean, u = np.broadcast_arrays(-np.asarray(theta_o, dtype=np.float64), np.asarray(u, dtype=np.float64))
     start = _gaussian_cos2_partial(-_HALF_PI, mean, beta)
     target = start + u * gaussian_normalization(-mean, beta)
     theta = gaussian_mode(mean, beta).ravel()
-    _invert_gaussian_cos2(theta, mean.ravel(), target.ravel(), beta)
+    widths = np.broadcast_to(beta, mean.shape).ravel() if np.ndim(beta) else beta
+    _invert_gaussian_cos2(theta, mean.ravel(), target.ravel(), widths)
     return theta.reshape(mean.shape)
 
 
-def _invert_gaussian_cos2(theta: Array, mean: Array, target: Array, beta: float) -> None:
+def _invert_gaussian_cos2(theta: Array, mean: Array, target: Array, beta: Width) -> None:
     """Solve for theta in place: Newton steps, bisection where one would leave the bracket."""
     low, high = np.full(theta.shape, -_HALF_PI), np.full(theta.shape, _HALF_PI)
     open_ = np.arange(theta.size)
     for _ in range(100):  # bisection alone would take 50
         t, center = theta[open_], mean[open_]
-        excess = _gaussian_cos2_partial(t, center, beta) - target[open_]
+        width = beta[open_] if isinstance(beta, np.ndarray) else beta
+        excess = _gaussian_cos2_partial(t, center, width) - target[open_]
         high[open_] = np.where(excess > 0, t, high[open_])
         low[open_] = np.where(excess > 0, low[open_], t)
-        density = np.exp(-0.5 * ((t - center) / beta) ** 2) * np.cos(t) ** 2 / (beta * np.sqrt(2 * np.pi))
+        density = np.exp(-0.5 * ((t - center) / width) ** 2) * np.cos(t) ** 2 / (width * np.sqrt(2 * np.pi))
         newton = t - excess / np.maximum(density, 1e-300)
         inside = (newton >= low[open_]) & (newton <= high[open_])
         theta[open_] = np.where(inside, newton, 0.5 * (low[open_] + high[open_]))
@@ -69,7 +73,7 @@ def _invert_gaussian_cos2(theta: Array, mean: Array, target: Array, beta: float)
             return
 
 
-def gaussian_mode(mean: ArrayLike, beta: float) -> Array:
+def gaussian_mode(mean: ArrayLike, beta: Width) -> Array:
     """Near the mode m of g(theta; mean, beta) cos²(theta): m + 2 beta² tan(m) = mean; cot(y) ≈ 1/y - y/3.
 
     A start value for solvers and a tangent point for rejection envelopes; neither needs it exact.
@@ -81,7 +85,7 @@ def gaussian_mode(mean: ArrayLike, beta: float) -> Array:
     return np.copysign(np.maximum(_HALF_PI - from_pole, 0.0), mean)
 
 
-def vmf_eval(theta_o: ArrayLike, theta_i: ArrayLike, beta: float) -> Array:
+def vmf_eval(theta_o: ArrayLike, theta_i: ArrayLike, beta: Width) -> Array:
     """exp(-sin sin / v) I0(cos cos / v) / (2 v sinh(1/v)) with v = beta², arranged not to overflow."""
     theta_o, theta_i = np.asarray(theta_o, dtype=np.float64), np.asarray(theta_i, dtype=np.float64)
     v = beta**2
@@ -90,7 +94,7 @@ def vmf_eval(theta_o: ArrayLike, theta_i: ArrayLike, beta: float) -> Array:
     return np.exp(exponent) * bessel / (v * -np.expm1(-2 / v))
 
 
-def vmf_sample(theta_o: ArrayLike, beta: float, u1: ArrayLike, u2: ArrayLike) -> Array:
+def vmf_sample(theta_o: ArrayLike, beta: Width, u1: ArrayLike, u2: ArrayLike) -> Array:
     """Inclination of a von Mises-Fisher direction drawn about the specular cone (d'Eon et al. 2013)."""
     theta_o, u1 = np.asarray(theta_o, dtype=np.float64), np.asarray(u1, dtype=np.float64)
     v = beta**2

@@ -9,6 +9,16 @@ from weft.files.errors import InputError
 
 LONGITUDINAL_KINDS = ("gaussian", "vmf", "symmetric")
 AZIMUTHAL_KINDS = ("wrapped_normal", "von_mises")
+GRAZING = (
+    "longitudinal_width_r_grazing",
+    "longitudinal_width_tt_grazing",
+    "longitudinal_width_trt_grazing",
+    "azimuthal_width_tt_grazing",
+    "azimuthal_width_trt_grazing",
+    "fresnel_tt_grazing",
+)
+"""What a width and T become for light along the fiber; each without its suffix is the value for light at a
+right angle. Between them they go linearly with 1 - cos(theta_o)."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +44,23 @@ class FiberScatteringParameters:
     """Kind of the longitudinal lobes: gaussian | vmf | symmetric (reciprocal)."""
     azimuthal: str = "wrapped_normal"
     """Kind of the azimuthal lobes: wrapped_normal | von_mises."""
+    longitudinal_width_r_grazing: float | None = None
+    """None, as of all that follow: the same for all inclinations of the light."""
+    longitudinal_width_tt_grazing: float | None = None
+    longitudinal_width_trt_grazing: float | None = None
+    azimuthal_width_tt_grazing: float | None = None
+    azimuthal_width_trt_grazing: float | None = None
+    fresnel_tt_grazing: float | None = None
+
+    @property
+    def varies_with_angle(self) -> bool:
+        """Whether a width or T depends on the inclination of the light."""
+        return any(getattr(self, name) is not None for name in GRAZING)
+
+    def at_grazing(self, name: str) -> float | None:
+        """What `name`, a width or "fresnel_tt", is for light along the fiber."""
+        grazing = getattr(self, f"{name}_grazing")
+        return getattr(self, name) if grazing is None else grazing
 
     def __post_init__(self) -> None:
         _check_kind("longitudinal", self.longitudinal, LONGITUDINAL_KINDS)
@@ -48,6 +75,20 @@ class FiberScatteringParameters:
                 _check_angle(field.name, value, 2.0, 300.0)
             else:
                 _check_unit_interval(field.name, value)
+        self._check_grazing()
+
+    def _check_grazing(self) -> None:
+        if self.longitudinal == "symmetric" and self.varies_with_angle:
+            given = next(name for name in GRAZING if getattr(self, name) is not None)
+            raise InputError(
+                f"scattering: {given} cannot go with the longitudinal kind 'symmetric': a lobe that depends "
+                "on one of the two angles alone is not reciprocal",
+                hint="Take the kind 'gaussian' or 'vmf', or leave the grazing values out.",
+            )
+        for lobe in ("r", "tt", "trt"):
+            _check_growth(f"longitudinal_width_{lobe}_grazing", self)
+        if self.azimuthal_width_trt is None and self.azimuthal_width_trt_grazing is not None:
+            raise InputError("scattering: azimuthal_width_trt_grazing needs azimuthal_width_trt, not uniform")
 
 
 def _check_kind(name: str, value: str, known: tuple[str, ...]) -> None:
@@ -61,6 +102,16 @@ def _check_angle(name: str, radians: float, least_deg: float, most_deg: float) -
     if not least_deg - 1e-9 <= degrees <= most_deg + 1e-9:
         raise InputError(
             f"scattering: {name} is {degrees:g} deg; it must lie in [{least_deg:g}, {most_deg:g}] deg"
+        )
+
+
+def _check_growth(name: str, parameters: FiberScatteringParameters) -> None:
+    """Light along the fiber finds wider lobes or a little narrower ones: so far the shader's constants go."""
+    grazing, normal = getattr(parameters, name), getattr(parameters, name.removesuffix("_grazing"))
+    if grazing is not None and not 0.5 * normal * (1 - 1e-9) <= grazing <= math.radians(45.0) * (1 + 1e-9):
+        raise InputError(
+            f"scattering: {name} is {math.degrees(grazing):g} deg; it must lie between half the width at "
+            f"normal incidence ({0.5 * math.degrees(normal):g} deg) and 45 deg"
         )
 
 

@@ -4,10 +4,13 @@ f_p(wo, wi) = Σ a_k(theta_o) M_k(theta_o, theta_i) N_k(phi) per steradian; ∫ 
 Local frame: the fiber is the x axis, theta the inclination from its normal plane, phi the azimuth around it;
 wo and wi both point away from the scattering point. Colors last: values have shape [..., 3], linear RGB.
 With the longitudinal kind `symmetric` the R lobe is two: its part at normal incidence, and, as a fourth lobe,
-what Schlick's term adds toward grazing. numpy twin of renderer/shaders/phase/fiber.glsl.
+what Schlick's term adds toward grazing. Widths and T may vary with theta_o; ∫ f_p dwi = Σ a_k all the same.
+numpy twin of renderer/shaders/phase/fiber.glsl.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,7 +81,7 @@ def lobe_energies(parameters: FiberScatteringParameters, wo: ArrayLike) -> Array
     base = np.asarray(parameters.fresnel_r)
     grazing = (1 - base) * (1 - np.minimum(cos_o, 1.0)[..., None]) ** 5
     fresnel = base + grazing
-    entering, t = 1 - fresnel, parameters.fresnel_tt
+    entering, t = 1 - fresnel, np.asarray(at_inclination(parameters, "fresnel_tt", cos_o))[..., None]
     energy_r = np.asarray(parameters.color_r) * fresnel
     energy_tt = np.asarray(parameters.color_tt) * entering * t
     energy_trt = np.asarray(parameters.color_trt) * entering * (1 - t)
@@ -103,8 +106,9 @@ def lobe_densities(parameters: FiberScatteringParameters, wo: ArrayLike, wi: Arr
     wo, wi = np.asarray(wo, dtype=np.float64), np.asarray(wi, dtype=np.float64)
     theta_o, theta_i = _inclination(wo), _inclination(wi)
     phi = _azimuth(wi) - _azimuth(wo)
-    around_tt = _azimuthal_eval(parameters.azimuthal, phi - np.pi, parameters.azimuthal_width_tt)
-    around_trt = _azimuthal_eval(parameters.azimuthal, phi, parameters.azimuthal_width_trt)
+    _, gamma_tt, gamma_trt, _ = azimuthal_widths(parameters, theta_o)
+    around_tt = _azimuthal_eval(parameters.azimuthal, phi - np.pi, gamma_tt)
+    around_trt = _azimuthal_eval(parameters.azimuthal, phi, gamma_trt)
     along = longitudinal_densities(parameters, theta_o, theta_i)
     uniform = np.full(phi.shape, 1 / (2 * np.pi))
     around = [uniform, around_tt, around_trt, uniform]
@@ -115,7 +119,7 @@ def longitudinal_densities(
     parameters: FiberScatteringParameters, theta_o: ArrayLike, theta_i: ArrayLike
 ) -> list[Array]:
     """M_k of the lobes; ∫ M_k cos(theta_i) dtheta_i = 1."""
-    widths = longitudinal_widths(parameters)
+    widths = longitudinal_widths(parameters, theta_o)
     if parameters.longitudinal == "symmetric":
         lobes = zip((*widths, widths[R]), SYMMETRIC_MARGINALS, strict=True)
         return [symmetric_eval(theta_o, theta_i, beta, marginal) for beta, marginal in lobes]
@@ -123,44 +127,63 @@ def longitudinal_densities(
     return [evaluate(theta_o, theta_i, beta) for beta in widths]
 
 
-def longitudinal_widths(parameters: FiberScatteringParameters) -> tuple[float, float, float]:
-    return (
-        parameters.longitudinal_width_r,
-        parameters.longitudinal_width_tt,
-        parameters.longitudinal_width_trt,
+def longitudinal_widths(
+    parameters: FiberScatteringParameters, theta_o: ArrayLike = 0.0
+) -> tuple[Any, Any, Any]:
+    """beta [rad] of R, TT, TRT: one number each, or of the shape of `theta_o` where it varies with it."""
+    r, tt, trt = (
+        at_inclination(parameters, f"longitudinal_width_{lobe}", np.cos(theta_o))
+        for lobe in ("r", "tt", "trt")
     )
+    return r, tt, trt
+
+
+def azimuthal_widths(parameters: FiberScatteringParameters, theta_o: ArrayLike) -> tuple[Any, ...]:
+    """gamma [rad] of the four lobes, as `longitudinal_widths`; None where a lobe is uniform."""
+    tt, trt = (
+        at_inclination(parameters, f"azimuthal_width_{lobe}", np.cos(theta_o)) for lobe in ("tt", "trt")
+    )
+    return None, tt, trt, None
+
+
+def at_inclination(parameters: FiberScatteringParameters, name: str, cos_o: ArrayLike) -> Any:
+    """A width or T at this inclination: linear in 1 - cos(theta_o) from the normal to the grazing value."""
+    normal, grazing = getattr(parameters, name), getattr(parameters, f"{name}_grazing")
+    return normal if grazing is None else normal + (grazing - normal) * (1 - np.minimum(cos_o, 1.0))
 
 
 def _sample_lobes(parameters: FiberScatteringParameters, wo: Array, lobe: Array, u: Array) -> Array:
     theta_o = np.broadcast_to(_inclination(wo), lobe.shape)
     azimuth_o = np.broadcast_to(_azimuth(wo), lobe.shape)
     theta, phi = np.empty(lobe.shape), np.empty(lobe.shape)
-    widths = longitudinal_widths(parameters)
-    around = (None, parameters.azimuthal_width_tt, parameters.azimuthal_width_trt, None)
-    for k, beta in enumerate((*widths, widths[R])):
+    widths = longitudinal_widths(parameters, theta_o)
+    gammas = azimuthal_widths(parameters, theta_o)
+    for k, (all_betas, all_gammas) in enumerate(zip((*widths, widths[R]), gammas, strict=True)):
         of_lobe = lobe == k
+        beta, gamma = (width[of_lobe] if np.ndim(width) else width for width in (all_betas, all_gammas))
         v = u[of_lobe]
         theta[of_lobe] = _longitudinal_sample(parameters.longitudinal, k, theta_o[of_lobe], beta, v)
         center = np.pi if k == TT else 0.0
-        phi[of_lobe] = center + _azimuthal_sample(parameters.azimuthal, around[k], v[:, 3])
+        phi[of_lobe] = center + _azimuthal_sample(parameters.azimuthal, gamma, v[:, 3])
     return _direction(theta, azimuth_o + phi)
 
 
-def _longitudinal_sample(kind: str, lobe: int, theta_o: Array, beta: float, u: Array) -> Array:
+def _longitudinal_sample(kind: str, lobe: int, theta_o: Array, beta: float | Array, u: Array) -> Array:
     if kind == "gaussian":
         return gaussian_sample(theta_o, beta, u[:, 1])
     if kind == "vmf":
         return vmf_sample(theta_o, beta, u[:, 1], u[:, 2])
+    assert isinstance(beta, float)  # the kind takes no grazing widths
     return symmetric_sample(theta_o, beta, SYMMETRIC_MARGINALS[lobe], u[:, 1])
 
 
-def _azimuthal_eval(kind: str, phi: Array, gamma: float | None) -> Array:
+def _azimuthal_eval(kind: str, phi: Array, gamma: float | Array | None) -> Array:
     if gamma is None:
         return np.full(phi.shape, 1 / (2 * np.pi))
     return wrapped_normal_eval(phi, gamma) if kind == "wrapped_normal" else von_mises_eval(phi, gamma)
 
 
-def _azimuthal_sample(kind: str, gamma: float | None, u: Array) -> Array:
+def _azimuthal_sample(kind: str, gamma: float | Array | None, u: Array) -> Array:
     if gamma is None:
         return 2 * np.pi * u
     return wrapped_normal_sample(gamma, u) if kind == "wrapped_normal" else von_mises_sample(gamma, u)

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .parameters import FiberScatteringParameters
+from .parameters import GRAZING, FiberScatteringParameters
 from .phase import SYMMETRIC_MARGINALS
 
 jax.config.update("jax_enable_x64", True)
@@ -36,6 +36,8 @@ class LobeKinds(NamedTuple):
     longitudinal: str
     azimuthal: str
     uniform_trt: bool
+    grazing: bool = False
+    """Whether widths and T go with theta_o toward the values named so."""
 
 
 class LobeParameters(NamedTuple):
@@ -52,6 +54,20 @@ class LobeParameters(NamedTuple):
     color_r: jax.Array
     color_tt: jax.Array
     color_trt: jax.Array
+    longitudinal_width_r_grazing: jax.Array | None = None
+    """Ignored, as all that follow, where not `LobeKinds.grazing`."""
+    longitudinal_width_tt_grazing: jax.Array | None = None
+    longitudinal_width_trt_grazing: jax.Array | None = None
+    azimuthal_width_tt_grazing: jax.Array | None = None
+    azimuthal_width_trt_grazing: jax.Array | None = None
+    fresnel_tt_grazing: jax.Array | None = None
+
+    def at_inclination(self, kinds: LobeKinds, name: str, theta_o: jax.Array) -> jax.Array:
+        """A width or T: one number, or of the shape of `theta_o` where it goes with it; as phase.py."""
+        normal = getattr(self, name)
+        if not kinds.grazing:
+            return normal
+        return normal + (getattr(self, f"{name}_grazing") - normal) * (1 - jnp.cos(theta_o))
 
 
 class DistinctDirections(NamedTuple):
@@ -69,14 +85,21 @@ class DistinctDirections(NamedTuple):
     """Of each direction, shape [N]: its pair of inclinations."""
     around: jax.Array
     """Of each direction, shape [N]: its azimuth."""
+    turn_theta_o: jax.Array
+    """Index into `theta_o` of each distinct pair of light and azimuth, shape [p]."""
+    turn_phi: jax.Array
+    """Index into `phi` of each such pair, shape [p]."""
+    turn: jax.Array
+    """Of each direction, shape [N]: its pair of light and azimuth."""
 
 
 def split_parameters(parameters: FiberScatteringParameters) -> tuple[LobeKinds, LobeParameters]:
     uniform = parameters.azimuthal_width_trt is None
-    kinds = LobeKinds(parameters.longitudinal, parameters.azimuthal, uniform)
+    kinds = LobeKinds(parameters.longitudinal, parameters.azimuthal, uniform, parameters.varies_with_angle)
     values = {name: getattr(parameters, name) for name in LobeParameters._fields}
+    values |= {name: parameters.at_grazing(name.removesuffix("_grazing")) for name in GRAZING}
     if uniform:
-        values["azimuthal_width_trt"] = 1.0
+        values |= {"azimuthal_width_trt": 1.0, "azimuthal_width_trt_grazing": 1.0}
     return kinds, LobeParameters(**{name: jnp.asarray(value, float) for name, value in values.items()})
 
 
@@ -89,7 +112,9 @@ def distinct_directions(theta_o: ArrayLike, theta_i: ArrayLike, phi: ArrayLike) 
     of_phi, around = _distinct(wrapped)
     codes, pair = np.unique(o_index * len(of_i) + i_index, return_inverse=True)
     pair_o, pair_i = np.divmod(codes, len(of_i))
-    return DistinctDirections(*map(jnp.asarray, (of_o, pair_o, of_i[pair_i], of_phi, pair, around)))
+    turns, turn = np.unique(o_index * len(of_phi) + around, return_inverse=True)
+    parts = (of_o, pair_o, of_i[pair_i], of_phi, pair, around, *np.divmod(turns, len(of_phi)), turn)
+    return DistinctDirections(*map(jnp.asarray, parts))
 
 
 def _distinct(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,12 +128,13 @@ def _distinct(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def lobe_densities(kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections) -> jax.Array:
     """M_k N_k [1/sr] of the lobes R, TT, TRT, shape [N, 3]; for the kind `symmetric` four, as in phase.py."""
+    turn = directions.turn if kinds.grazing else directions.around
     return jnp.stack(
         [
-            along[directions.pair] * around[directions.around]
+            along[directions.pair] * around[turn]
             for along, around in zip(
                 _along(kinds, parameters, directions),
-                _around(kinds, parameters, directions.phi),
+                _around(kinds, parameters, directions),
                 strict=False,
             )
         ],
@@ -120,11 +146,10 @@ def _along(
     kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections
 ) -> tuple[jax.Array, ...]:
     """M_k of each distinct pair of inclinations, shape [m] each."""
-    widths = (
-        parameters.longitudinal_width_r,
-        parameters.longitudinal_width_tt,
-        parameters.longitudinal_width_trt,
-    )
+    widths = [
+        parameters.at_inclination(kinds, f"longitudinal_width_{lobe}", directions.theta_o)
+        for lobe in ("r", "tt", "trt")
+    ]
     theta_o, theta_i = directions.theta_o[directions.pair_theta_o], directions.pair_theta_i
     if kinds.longitudinal == "symmetric":
         return tuple(
@@ -132,27 +157,46 @@ def _along(
             for beta, marginal in zip((*widths, widths[0]), SYMMETRIC_MARGINALS, strict=True)
         )
     if kinds.longitudinal == "vmf":
-        return tuple(vmf_eval(theta_o, theta_i, beta) for beta in widths)
+        return tuple(vmf_eval(theta_o, theta_i, _per_pair(beta, directions)) for beta in widths)
     return tuple(
-        _gaussian_cos(theta_o, theta_i, beta)
+        _gaussian_cos(theta_o, theta_i, _per_pair(beta, directions))
         / gaussian_normalization(directions.theta_o, beta)[directions.pair_theta_o]
         for beta in widths
     )
 
 
-def _around(kinds: LobeKinds, parameters: LobeParameters, phi: jax.Array) -> tuple[jax.Array, ...]:
-    """N_k of each distinct azimuth, shape [q] each; the last only where `_along` gives four lobes."""
+def _per_pair(width: jax.Array, directions: DistinctDirections) -> jax.Array:
+    return width[directions.pair_theta_o] if width.ndim else width
+
+
+def _around(
+    kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections
+) -> tuple[jax.Array, ...]:
+    """N_k of each distinct azimuth, shape [q], or of each `turn`, shape [p], where widths go with theta_o.
+
+    The last only where `_along` gives four lobes.
+    """
+    phi = directions.phi[directions.turn_phi] if kinds.grazing else directions.phi
+    gamma_tt, gamma_trt = (
+        parameters.at_inclination(
+            kinds, f"azimuthal_width_{lobe}", directions.theta_o[directions.turn_theta_o]
+        )
+        for lobe in ("tt", "trt")
+    )
     evaluate = wrapped_normal_eval if kinds.azimuthal == "wrapped_normal" else von_mises_eval
     uniform = jnp.full(phi.shape, 1 / (2 * np.pi))
-    around_trt = uniform if kinds.uniform_trt else evaluate(phi, parameters.azimuthal_width_trt)
-    return uniform, evaluate(phi - np.pi, parameters.azimuthal_width_tt), around_trt, uniform
+    around_trt = uniform if kinds.uniform_trt else evaluate(phi, gamma_trt)
+    return uniform, evaluate(phi - np.pi, gamma_tt), around_trt, uniform
 
 
-def lobe_energies(parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
+def lobe_energies(kinds: LobeKinds, parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
     """a_k(theta_o) of the lobes R, TT, TRT, shape [..., 3 lobes, channels]."""
     base = parameters.fresnel_r
     fresnel = base + (1 - base) * schlick(cos_o)[..., None]
     entering, t = 1 - fresnel, parameters.fresnel_tt
+    if kinds.grazing:
+        grazing = jnp.asarray(parameters.fresnel_tt_grazing)
+        t = (t + (grazing - t) * (1 - cos_o))[..., None]
     return jnp.stack(
         [
             parameters.color_r * fresnel,
@@ -163,9 +207,9 @@ def lobe_energies(parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
     )
 
 
-def symmetric_lobe_energies(parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
+def symmetric_lobe_energies(kinds: LobeKinds, parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
     """a_k(theta_o) of the four lobes of the kind `symmetric`, shape [..., 4 lobes, channels]."""
-    three = lobe_energies(parameters, cos_o)
+    three = lobe_energies(kinds, parameters, cos_o)
     grazing = parameters.color_r * (1 - parameters.fresnel_r) * schlick(cos_o)[..., None]
     at_normal = jnp.broadcast_to(parameters.color_r * parameters.fresnel_r, grazing.shape)
     return jnp.stack([at_normal, three[..., 1, :], three[..., 2, :], grazing], axis=-2)
@@ -181,7 +225,7 @@ def fiber_phase_eval(
 ) -> jax.Array:
     """f_p [1/sr] of each direction, shape [N, channels]."""
     energies_of = symmetric_lobe_energies if kinds.longitudinal == "symmetric" else lobe_energies
-    energies = energies_of(parameters, jnp.cos(directions.theta_o))
+    energies = energies_of(kinds, parameters, jnp.cos(directions.theta_o))
     densities = lobe_densities(kinds, parameters, directions)
     of_direction = energies[directions.pair_theta_o[directions.pair]]
     return (of_direction * densities[..., None]).sum(axis=-2)
@@ -192,7 +236,7 @@ def gaussian_normalization(theta_o: jax.Array, beta: jax.Array) -> jax.Array:
 
     By 64 Gauss-Legendre points where the Gaussian is not negligible; JAX has no erf of complex argument.
     """
-    mean = -jnp.asarray(theta_o)[..., None]
+    mean, beta = -jnp.asarray(theta_o)[..., None], jnp.asarray(beta)[..., None]
     low = jnp.maximum(mean - _REACH * beta, -_HALF_PI)
     high = jnp.minimum(mean + _REACH * beta, _HALF_PI)
     theta = 0.5 * (low + high) + 0.5 * (high - low) * _NODES
@@ -219,9 +263,10 @@ def vmf_eval(theta_o: jax.Array, theta_i: jax.Array, beta: jax.Array) -> jax.Arr
 def wrapped_normal_eval(phi: jax.Array, gamma: jax.Array) -> jax.Array:
     """Sum of Gaussians 2 pi apart where it converges fast, its Fourier series elsewhere."""
     phi = (phi - 2 * np.pi * jnp.round(phi / (2 * np.pi)))[..., None]
-    images = _normal(phi + 2 * np.pi * np.arange(-3, 4), gamma).sum(axis=-1)
+    of_each = jnp.asarray(gamma)[..., None]
+    images = _normal(phi + 2 * np.pi * np.arange(-3, 4), of_each).sum(axis=-1)
     n = np.arange(1, 8)
-    waves = (jnp.exp(-0.5 * (n * gamma) ** 2) * jnp.cos(n * phi)).sum(axis=-1)
+    waves = (jnp.exp(-0.5 * (n * of_each) ** 2) * jnp.cos(n * phi)).sum(axis=-1)
     return jnp.where(gamma < np.sqrt(np.pi), images, (1 + 2 * waves) / (2 * np.pi))
 
 

@@ -14,7 +14,12 @@ from tests.fiber_model.scattering.scattering_cases import CORNERS, preset
 from tests.renderer.probe import probe
 from tests.renderer.shaders.fiber_probes import random_keys
 from weft.fiber_model.scattering.phase import fiber_phase_sample
-from weft.renderer.scattering_block import pack_scattering, pack_symmetric_tables, symmetric_share
+from weft.renderer.scattering_block import (
+    grazing_share,
+    pack_scattering,
+    pack_symmetric_tables,
+    symmetric_share,
+)
 
 pytestmark = [pytest.mark.gl, pytest.mark.benchmark]
 
@@ -61,7 +66,11 @@ def rate(parameters, function, items):
         signature,
         prelude=CHAIN,
         blocks=blocks,
-        constants={"RANDOM_PHILOX": 0, "FIBER_SYMMETRIC": symmetric_share([parameters])},
+        constants={
+            "RANDOM_PHILOX": 0,
+            "FIBER_SYMMETRIC": symmetric_share([parameters]),
+            "FIBER_GRAZING": grazing_share([parameters]),
+        },
     )
     wo, keys = np.array([0.6, 0.8, 0.0]), random_keys(items, seed=1)
     call(wo, keys[:64])

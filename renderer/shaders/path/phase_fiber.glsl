@@ -10,7 +10,7 @@ struct Phase {
 
 Phase phase_at(uint medium, vec3 wo) {
     // an index known at compile time lets llvmpipe load the constants once per vector of lanes
-    FiberScattering s = phase_media[MEDIUM_COUNT == 1 ? 0u : medium];
+    FiberScattering s = fiber_at_inclination(phase_media[MEDIUM_COUNT == 1 ? 0u : medium], wo);
     return Phase(s, fiber_lobes(s, wo));
 }
 

@@ -6,12 +6,14 @@
 #include "phase/fiber_block.glsl"
 #include "phase/fiber_longitudinal.glsl"
 #include "phase/fiber_azimuthal.glsl"
+#include "phase/fiber_grazing.glsl"
 #constant FIBER_SYMMETRIC  // how many media are of the kind symmetric: 0 none, 1 some, 2 all
 #if FIBER_SYMMETRIC > 0
 #include "phase/fiber_symmetric.glsl"
 #endif
 
-// What depends on wo only. Compute it once per vertex and share it between light sampling and scattering.
+// What depends on wo only. Compute it once per vertex and share it between light sampling and scattering. All functions
+// that take it want the medium as fiber_at_inclination gives it for that wo.
 struct FiberLobes {
     float sin_o;
     float cos_o;
@@ -143,15 +145,18 @@ vec2 fiber_rejection(
 }
 
 vec3 fiber_albedo(FiberScattering s, vec3 wo) {
+    s = fiber_at_inclination(s, wo);
     return fiber_lobes_value(fiber_lobes(s, wo), vec4(1.0));
 }
 
 vec3 fiber_eval(FiberScattering s, vec3 wo, vec3 wi) {
+    s = fiber_at_inclination(s, wo);
     FiberLobes lobes = fiber_lobes(s, wo);
     return fiber_lobes_value(lobes, fiber_lobe_densities(s, lobes, wi));
 }
 
 float fiber_pdf(FiberScattering s, vec3 wo, vec3 wi) {
+    s = fiber_at_inclination(s, wo);
     FiberLobes lobes = fiber_lobes(s, wo);
     return dot(lobes.chance, fiber_lobe_densities(s, lobes, wi));
 }
@@ -182,5 +187,6 @@ vec3 fiber_lobes_sample(FiberScattering s, FiberLobes lobes, inout uvec4 rng, ou
 }
 
 vec3 fiber_sample(FiberScattering s, vec3 wo, inout uvec4 rng, out vec3 weight, out float pdf) {
+    s = fiber_at_inclination(s, wo);
     return fiber_lobes_sample(s, fiber_lobes(s, wo), rng, weight, pdf);
 }

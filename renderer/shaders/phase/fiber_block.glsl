@@ -13,6 +13,10 @@ struct FiberScattering {
     vec4 around_tt;  // azimuthal lobe: kind, gamma, scale, slope of the proposal
     vec4 around_trt;  // same; kind: 0 uniform, 1 wrapped normal (images), 2 (series), 3 von Mises
     vec4 table;  // x: the medium's first row of fiber_table[], for symmetric
+    vec4 grow_width;  // beta for light along the fiber, less width; w: 1 where anything grows
+    vec4 grow_around;  // gamma of TT and TRT for light along the fiber, less that at normal incidence
+    vec4 grow_tt;  // rgb: C_TT T for light along the fiber, less energy_tt
+    vec4 grow_trt;  // rgb: C_TRT (1 - T) for light along the fiber, less energy_trt
 };
 
 const int FIBER_TABLE_CELLS = 64;

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
 from weft.fiber_model.scattering.config import ScatteringConfig
-from weft.fiber_model.scattering.parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.parameters import GRAZING, FiberScatteringParameters
 
 PRESETS = Path(__file__).resolve().parents[3] / "configs" / "presets" / "scattering"
 PRESET_NAMES = sorted(path.stem for path in PRESETS.glob("*.toml"))
@@ -39,6 +40,14 @@ def gray(
     )
 
 
+def grazing(
+    parameters: FiberScatteringParameters, widths_deg, fresnel_tt: float | None = None
+) -> FiberScatteringParameters:
+    """The same with widths of its own for light along the fiber: beta of R, TT, TRT, gamma of TT, TRT."""
+    widths = [None if width is None else radians(width) for width in widths_deg]
+    return replace(parameters, **dict(zip(GRAZING, [*widths, fresnel_tt], strict=True)))
+
+
 CORNERS = {
     "narrow": gray((0.5, 1.0, 2.0), 2.0, gamma_trt_deg=5.0),
     "wide": gray((60.0, 40.0, 20.0), 300.0, gamma_trt_deg=90.0),
@@ -53,5 +62,16 @@ CORNERS = {
     ),
     # wide and grazing: the R lobe has a second mode on the far side
     "symmetric wide": gray((60.0, 40.0, 20.0), 300.0, fresnel_r=0.0, longitudinal="symmetric"),
+    "grazing": grazing(gray((3.0, 4.0, 9.0), 30.0, gamma_trt_deg=15.0), (4.0, 9.0, 20.0, 75.0, 90.0), 0.3),
+    "grazing corners": grazing(
+        gray((0.5, 30.0, 2.0), 2.0, gamma_trt_deg=300.0), (45.0, 15.0, 30.0, 300.0, 20.0), 1.0
+    ),
+    "grazing von Mises": grazing(
+        gray((1.0, 10.0, 30.0), 20.0, gamma_trt_deg=90.0, azimuthal="von_mises"),
+        (6.0, 30.0, 15.0, 120.0, 40.0),
+    ),
+    "grazing vmf": grazing(
+        gray((0.5, 12.0, 24.0), 40.0, longitudinal="vmf"), (20.0, 6.0, 45.0, 90.0, None), 0.0
+    ),
     "series": gray((3.0, 8.0, 50.0), 81.0, gamma_trt_deg=100.0),
 }

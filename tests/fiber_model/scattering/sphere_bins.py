@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
-from weft.fiber_model.scattering.phase import fiber_phase_pdf, longitudinal_widths
+from weft.fiber_model.scattering.phase import azimuthal_widths, fiber_phase_pdf, longitudinal_widths
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
@@ -27,16 +27,18 @@ def direction(theta, phi):
 
 
 def theta_knots(parameters: FiberScatteringParameters, theta_o: float, *, steps: int = 36) -> np.ndarray:
-    around = [-theta_o + beta * np.linspace(-7, 7, steps) for beta in longitudinal_widths(parameters)]
+    around = [
+        -theta_o + beta * np.linspace(-7, 7, steps) for beta in longitudinal_widths(parameters, theta_o)
+    ]
     return _knots([*around, np.linspace(-1, 1, 31) * np.pi / 2], np.pi / 2)
 
 
-def phi_knots(parameters: FiberScatteringParameters, *, steps: int = 36) -> np.ndarray:
+def phi_knots(parameters: FiberScatteringParameters, theta_o: float, *, steps: int = 36) -> np.ndarray:
     """Angles from the center of the TT lobe."""
     z = np.linspace(-7, 7, steps)
-    around = [parameters.azimuthal_width_tt * z]
-    if parameters.azimuthal_width_trt is not None:
-        width = parameters.azimuthal_width_trt
+    _, around_tt, width, _ = azimuthal_widths(parameters, theta_o)
+    around = [around_tt * z]
+    if width is not None:
         around += [np.pi + width * z, -np.pi + width * z]
     return _knots([*around, np.linspace(-np.pi, np.pi, 25)], np.pi)
 
@@ -108,7 +110,7 @@ def fiber_bins(
 ) -> SphereBins:
     """Bins for wi, in (theta_i, azimuth from the center of TT), with wo at theta_o and azimuth 0."""
     wo = direction(theta_o, 0.0)
-    thetas, phis = theta_knots(parameters, theta_o), phi_knots(parameters)
+    thetas, phis = theta_knots(parameters, theta_o), phi_knots(parameters, theta_o)
     cells = cell_integrals(
         lambda theta, phi: fiber_phase_pdf(parameters, wo, direction(theta, phi + np.pi)), thetas, phis
     )
@@ -129,7 +131,7 @@ def fiber_means(parameters: FiberScatteringParameters, theta_o: float, functions
         pdf = fiber_phase_pdf(parameters, wo, direction(theta, phi + np.pi))
         return np.stack([pdf * value for value in functions(theta, phi)], axis=-1)
 
-    cells = cell_integrals(weighted, theta_knots(parameters, theta_o), phi_knots(parameters))
+    cells = cell_integrals(weighted, theta_knots(parameters, theta_o), phi_knots(parameters, theta_o))
     return cells.sum(axis=(0, 1))
 
 

@@ -24,12 +24,15 @@ from weft.fiber_model.scattering.azimuthal import (
     wrapped_normal_eval,
     wrapped_normal_sample,
 )
+from weft.fiber_model.scattering.parameters import GRAZING
 from weft.fiber_model.scattering.phase import (
+    azimuthal_widths,
     fiber_phase_albedo,
     fiber_phase_eval,
     fiber_phase_pdf,
     fiber_phase_sample,
     lobe_energies,
+    longitudinal_widths,
 )
 from weft.files.errors import InputError
 
@@ -43,7 +46,7 @@ def furnace_error(parameters, theta_o):
     cells = cell_integrals(
         lambda theta, phi: fiber_phase_eval(parameters, wo, direction(theta, phi + np.pi)),
         theta_knots(parameters, theta_o),
-        phi_knots(parameters),
+        phi_knots(parameters, theta_o),
     )
     return np.abs(cells.sum(axis=(0, 1)) - fiber_phase_albedo(parameters, wo)).max()
 
@@ -149,6 +152,26 @@ def test_weight_is_eval_over_pdf_and_averages_to_the_albedo(name):
     assert weight.max() < 2
 
 
+def test_grazing_values_equal_to_the_normal_ones_change_nothing():
+    plain = CORNERS["series"]
+    same = replace(plain, **{name: plain.at_grazing(name.removesuffix("_grazing")) for name in GRAZING})
+    rng = np.random.default_rng(5)
+    wo, wi = rng.normal(size=(2, 1000, 3))
+    np.testing.assert_allclose(fiber_phase_eval(same, wo, wi), fiber_phase_eval(plain, wo, wi), rtol=1e-12)
+
+
+def test_widths_and_t_go_linearly_with_one_minus_the_cosine():
+    """Half way, at 60 degrees, they are the mean of both; at the ends they are the values themselves."""
+    medium = CORNERS["grazing"]
+    for theta_o, share in ((0.0, 0.0), (60.0, 0.5), (-90.0, 1.0)):
+        beta = longitudinal_widths(medium, np.radians(theta_o))[1]
+        gamma = azimuthal_widths(medium, np.radians(theta_o))[1]
+        np.testing.assert_allclose(np.degrees([beta, gamma]), [4 + 5 * share, 30 + 45 * share], atol=1e-9)
+        t_over_rest = lobe_energies(medium, direction(np.radians(theta_o), 0.3))[1:3, 0]
+        t = t_over_rest[0] / max(t_over_rest.sum(), 1e-300)
+        assert share == 1.0 or t == pytest.approx(0.7 - 0.4 * share, abs=1e-12)
+
+
 def test_turning_the_fiber_around_itself_changes_nothing():
     parameters = preset("khungurn2015_fleece")
     wo, wi = direction(0.3, 0.1), direction(-0.4, 2.9)
@@ -198,6 +221,9 @@ def test_azimuthal_samples_have_the_lobes_mean_resultant(gamma):
         ({"azimuthal_width_tt": 0.0}, "must lie in"),
         ({"color_tt": (0.5, 1.5, 0.5)}, "color_tt is 1.5"),
         ({"fresnel_tt": float("nan")}, "fresnel_tt is nan"),
+        ({"azimuthal_width_trt_grazing": 1.0}, "needs azimuthal_width_trt"),
+        ({"longitudinal_width_trt_grazing": 0.1}, "between half the width at normal incidence"),
+        ({"fresnel_tt_grazing": 0.2, "longitudinal": "symmetric"}, "is not reciprocal"),
     ],
 )
 def test_refuses_with_one_clear_line(changes, message):

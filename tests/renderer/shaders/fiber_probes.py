@@ -8,7 +8,12 @@ import numpy as np
 
 from tests.renderer.probe import probe
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
-from weft.renderer.scattering_block import pack_scattering, pack_symmetric_tables, symmetric_share
+from weft.renderer.scattering_block import (
+    grazing_share,
+    pack_scattering,
+    pack_symmetric_tables,
+    symmetric_share,
+)
 
 _CALLS = """
 layout(std430, binding = 3) readonly buffer Tables { vec4 fiber_table[]; };
@@ -31,7 +36,11 @@ def fiber_probe(
 ) -> Callable:
     tables = pack_symmetric_tables(media)
     blocks = {2: pack_scattering(media), 3: tables if len(tables) else np.zeros((1, 4), np.float32)}
-    constants = {"RANDOM_PHILOX": int(philox), "FIBER_SYMMETRIC": symmetric_share(media)}
+    constants = {
+        "RANDOM_PHILOX": int(philox),
+        "FIBER_SYMMETRIC": symmetric_share(media),
+        "FIBER_GRAZING": grazing_share(media),
+    }
     return probe([], signature, prelude=_CALLS, blocks=blocks, constants=constants)
 
 

@@ -57,9 +57,10 @@ def peak(parameters, wo):
     """
     theta_o = np.arctan2(wo[:, 0], np.hypot(wo[:, 1], wo[:, 2]))
     azimuth = np.arctan2(wo[:, 2], wo[:, 1])
-    equatorward = np.sign(theta_o) * np.minimum(
-        np.abs(theta_o), np.array([[0.0, *longitudinal_widths(parameters)]]).T
-    )
+    widths = [
+        np.broadcast_to(width, theta_o.shape) for width in (0.0, *longitudinal_widths(parameters, theta_o))
+    ]
+    equatorward = np.sign(theta_o) * np.minimum(np.abs(theta_o), np.stack(widths))
     at_cone = [direction(equatorward - theta_o, azimuth + turn) for turn in (0, np.pi)]
     return np.maximum(*(fiber_phase_eval(parameters, wo, wi) for wi in at_cone)).max(axis=(0, -1))
 
