@@ -14,7 +14,15 @@ import numpy as np
 
 from weft.fiber_model.scattering.phase_jax import LobeKinds, lobe_densities, schlick
 
-from .parameterization import FRESNEL_TT, SCALE, Parameterization, color_slice, expand, lobe_parameters
+from .parameterization import (
+    FRESNEL_TT,
+    SCALE,
+    Parameterization,
+    color_slice,
+    expand,
+    grazing_slice,
+    lobe_parameters,
+)
 from .residuals import DirectionData
 
 import jax  # isort: skip  after phase_jax, which switches it to 64 bits
@@ -102,4 +110,7 @@ def full_from_amplitudes(
         ("color_trt", d / jnp.maximum(1 - fresnel_tt, 1e-3)),
     ):
         start = start.at[color_slice(name, channels)].set(values)
+    along_fiber = grazing_slice(len(p.held))
+    if along_fiber.start < along_fiber.stop:  # the search knows no change with the angle
+        start = start.at[along_fiber].set(jnp.concatenate([start[: len(widths)], start[FRESNEL_TT, None]]))
     return jnp.where(p.free > 0, jnp.clip(start, p.lower, p.upper), expand(p, start))

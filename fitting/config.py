@@ -16,7 +16,15 @@ WIDTHS = (
     "azimuthal_width_trt_deg",
 )
 COLORS = ("fresnel_r", "color_r", "color_tt", "color_trt")
-PARAMETER_NAMES = (*WIDTHS, "fresnel_tt", "scale", *COLORS)
+GRAZING = (
+    "longitudinal_width_r_grazing_deg",
+    "longitudinal_width_tt_grazing_deg",
+    "longitudinal_width_trt_grazing_deg",
+    "azimuthal_width_tt_grazing_deg",
+    "azimuthal_width_trt_grazing_deg",
+    "fresnel_tt_grazing",
+)
+"""Where widths and T go for light along the fiber, in the order of what they belong to."""
 
 ABSORPTION_POWER = 1.9
 """C_TRT = C_TT^1.9: light inside passes the fiber almost twice as far before it leaves as TRT."""
@@ -33,6 +41,12 @@ ParameterName = Literal[
     "color_r",
     "color_tt",
     "color_trt",
+    "longitudinal_width_r_grazing_deg",
+    "longitudinal_width_tt_grazing_deg",
+    "longitudinal_width_trt_grazing_deg",
+    "azimuthal_width_tt_grazing_deg",
+    "azimuthal_width_trt_grazing_deg",
+    "fresnel_tt_grazing",
 ]
 
 
@@ -121,6 +135,9 @@ class FitConfig(_Table):
     """Shape of the lobes around the fiber."""
     gamma_trt: bool = True
     """Give TRT a width around the fiber; otherwise it is uniform, as in the thesis."""
+    grazing: bool = False
+    """Let the widths and T change with the inclination of the light, each by one more parameter: its value
+    for light along the fiber."""
     gray: bool = False
     """One value for the three channels of each color."""
     parameters: dict[ParameterName, ParameterConfig] = {}
@@ -151,6 +168,17 @@ class FitConfig(_Table):
     """Random starts of the search."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Of the starts and the bootstrap."""
+
+    @model_validator(mode="after")
+    def _grazing_fits(self) -> FitConfig:
+        asked = [name for name in self.parameters if name in GRAZING]
+        if asked and not self.grazing:
+            raise ValueError(f"parameters.{asked[0]} needs grazing = true")
+        if self.grazing and self.longitudinal == "symmetric":
+            raise ValueError('grazing: widths that change with the angle are not reciprocal; "symmetric" is')
+        if self.grazing and self.brightest_tt:
+            raise ValueError("grazing: C_TT T and C_TRT (1 - T) at two angles leave brightest_tt no freedom")
+        return self
 
     @model_validator(mode="after")
     def _ties_end(self) -> FitConfig:

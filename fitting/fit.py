@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,7 @@ from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 
 from . import noise as noises
 from .compilation_cache import keep_compiled_functions
-from .config import COLORS, FitConfig
+from .config import GRAZING, FitConfig
 from .identifiability import find_degeneracies
 from .intervals import Intervals, intervals_of
 from .measurements import Measurements
@@ -22,6 +24,7 @@ from .parameterization import (
     SCALE,
     SHAPE_COUNT,
     color_slice,
+    grazing_slice,
     parameter_names,
     to_external_units,
 )
@@ -87,7 +90,7 @@ def _result(
                 solution.x,
                 jacobian,
                 uncertainty,
-                parameter_names(problem.channels),
+                parameter_names(problem.channels, grazing=problem.config.grazing),
                 free=problem.parameterization.free > 0,
                 lights=seen.theta_i,
                 azimuths=seen.phi_o - seen.phi_i,
@@ -116,7 +119,7 @@ def scattering_parameters(x: Array, problem: FitProblem) -> FiberScatteringParam
 
     r, tt, trt, around_tt, around_trt = (float(width) for width in x[:SHAPE_COUNT])
     config = problem.config
-    return FiberScatteringParameters(
+    parameters = FiberScatteringParameters(
         longitudinal_width_r=r,
         longitudinal_width_tt=tt,
         longitudinal_width_trt=trt,
@@ -125,8 +128,20 @@ def scattering_parameters(x: Array, problem: FitProblem) -> FiberScatteringParam
         fresnel_tt=float(x[FRESNEL_TT]),
         longitudinal=config.longitudinal,
         azimuthal=config.azimuthal,
-        **{name: color(name) for name in COLORS},
+        fresnel_r=color("fresnel_r"),
+        color_r=color("color_r"),
+        color_tt=color("color_tt"),
+        color_trt=color("color_trt"),
     )
+    return replace(parameters, **_along_fiber(x, config))
+
+
+def _along_fiber(x: Array, config: FitConfig) -> dict[str, Any]:
+    """Widths and T for light along the fiber, where they are of their own."""
+    values = dict(zip(GRAZING, map(float, x[grazing_slice(len(x))]), strict=False))
+    if not config.gamma_trt:
+        values.pop("azimuthal_width_trt_grazing_deg", None)
+    return {name.removesuffix("_deg"): value for name, value in values.items()}
 
 
 def _fitted(
@@ -141,7 +156,7 @@ def _fitted(
     tied = p.tie_source != np.arange(len(x))
     unit = to_external_units(np.ones(len(x)))
     result = []
-    for i, name in enumerate(parameter_names(problem.channels)):
+    for i, name in enumerate(parameter_names(problem.channels, grazing=problem.config.grazing)):
         role = "free" if p.free[i] else "tied" if tied[i] else "fixed"
         bound = "lower" if uncertainty.at_lower[i] else "upper" if uncertainty.at_upper[i] else None
         error = float(errors[i] * unit[i]) if np.isfinite(errors[i]) else None

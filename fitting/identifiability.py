@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .config import WIDTHS
-from .parameterization import FRESNEL_TT, SCALE, color_slice
+from .parameterization import FRESNEL_TT, SCALE, color_slice, grazing_slice
 from .uncertainty import NULL_SINGULAR_VALUE, Uncertainty
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ def find_degeneracies(
 
 def _known_degeneracies(count: int, lights: Array, azimuths: Array) -> list[_Known]:
     """Those that the data allow at all, the smallest first."""
-    channels = (count - SCALE - 1) // 4
+    channels = (grazing_slice(count).start - SCALE - 1) // 4
     fresnel, red, tt, trt = (
         tuple(range(count)[color_slice(color, channels)])
         for color in ("fresnel_r", "color_r", "color_tt", "color_trt")

@@ -1,7 +1,8 @@
 """From a few free numbers to all parameters of the model: bounds, fixed values, ties, and units.
 
 All parameters stand in one vector: five widths [rad], fresnel_tt, the scale, then four colors with one entry
-per channel. What is free, fixed or tied are arrays too, so that one compiled solver serves every choice.
+per channel; last, where they change with the angle, the widths and T for light along the fiber. What is free,
+fixed or tied are arrays too, so that one compiled solver serves every choice.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from weft.fiber_model.scattering.phase_jax import LobeKinds, LobeParameters
 from weft.files.errors import InputError
 
-from .config import ABSORPTION_POWER, COLORS, WIDTHS, FitConfig, ParameterConfig
+from .config import ABSORPTION_POWER, COLORS, GRAZING, WIDTHS, FitConfig, ParameterConfig
 
 import jax  # isort: skip  after phase_jax, which switches it to 64 bits
 import jax.numpy as jnp  # isort: skip
@@ -28,6 +29,7 @@ AZIMUTHAL = slice(3, SHAPE_COUNT)
 FRESNEL_TT, SCALE, FIRST_COLOR = SHAPE_COUNT, SHAPE_COUNT + 1, SHAPE_COUNT + 2
 LIMITS = {"longitudinal": (0.5, 60.0), "azimuthal": (2.0, 300.0)}
 """Of the widths [deg], as `FiberScatteringParameters` checks them."""
+WIDEST_ALONG_GRAZING = 45.0
 SCALE_LIMITS = (1e-9, 1e9)
 
 
@@ -46,10 +48,19 @@ class Parameterization(NamedTuple):
     tie_power: Array
 
 
-def parameter_names(channels: int) -> tuple[str, ...]:
+def parameter_names(channels: int, *, grazing: bool = False) -> tuple[str, ...]:
     """In the order of the vector, as in parameter files: "color_tt.r", or "color_tt" for one channel."""
     suffixes = [f".{c}" for c in "rgb"] if channels == 3 else [""]
-    return (*WIDTHS, "fresnel_tt", "scale", *(name + suffix for name in COLORS for suffix in suffixes))
+    colors = [name + suffix for name in COLORS for suffix in suffixes]
+    return (*WIDTHS, "fresnel_tt", "scale", *colors, *(GRAZING if grazing else ()))
+
+
+def grazing_slice(count: int) -> slice:
+    """Of a vector of `count` parameters, the values for light along the fiber; empty where it has none.
+
+    Seven parameters and four per channel, of which there are one or three: the length tells.
+    """
+    return slice(count - (len(GRAZING) if (count - FIRST_COLOR) % len(COLORS) else 0), count)
 
 
 def color_slice(name: str, channels: int) -> slice:
@@ -59,8 +70,8 @@ def color_slice(name: str, channels: int) -> slice:
 
 def build_parameterization(config: FitConfig, channels: int, *, scale_known: bool) -> Parameterization:
     """What the config asks for, or the ties that resolve the exact degeneracies where it says nothing."""
-    count = FIRST_COLOR + len(COLORS) * channels
-    lower, upper = _limits(channels)
+    lower, upper = _limits(channels, config.grazing)
+    count = len(lower)
     result = Parameterization(
         lower, upper, np.ones(count), np.ones(count), np.arange(count), np.ones(count), np.ones(count)
     )
@@ -77,10 +88,12 @@ def build_parameterization(config: FitConfig, channels: int, *, scale_known: boo
     return result
 
 
-def _limits(channels: int) -> tuple[Array, Array]:
+def _limits(channels: int, grazing: bool) -> tuple[Array, Array]:
     widths = np.radians([LIMITS[name.split("_")[0]] for name in WIDTHS])
     rest = np.array([(0.0, 1.0), SCALE_LIMITS, *[(0.0, 1.0)] * (len(COLORS) * channels)])
-    lower, upper = np.concatenate([widths, rest]).T.copy()
+    along_fiber = np.concatenate([widths, [(0.0, 1.0)]])
+    along_fiber[:3, 1] = np.radians(WIDEST_ALONG_GRAZING)
+    lower, upper = np.concatenate([widths, rest, *([along_fiber] if grazing else [])]).T.copy()
     return lower, upper
 
 
@@ -92,6 +105,8 @@ def _with_defaults(config: FitConfig, scale_known: bool) -> dict[str, ParameterC
         asked["scale"] = ParameterConfig(fixed=1.0)
     if not config.gamma_trt:
         asked["azimuthal_width_trt_deg"] = ParameterConfig(fixed=LIMITS["azimuthal"][1])
+        if config.grazing:
+            asked["azimuthal_width_trt_grazing_deg"] = ParameterConfig(fixed=LIMITS["azimuthal"][1])
     return asked | dict(config.parameters)
 
 
@@ -99,12 +114,12 @@ def _entries(name: str, channels: int) -> list[int]:
     if name in COLORS:
         where = color_slice(name, channels)
         return list(range(where.start, where.stop))
-    return [(*WIDTHS, "fresnel_tt", "scale").index(name)]
+    return [parameter_names(channels, grazing=True).index(name)]
 
 
 def _apply(into: Parameterization, name: str, choice: ParameterConfig, channels: int) -> None:
     entries = _entries(name, channels)
-    unit = math.pi / 180 if name in WIDTHS else 1.0
+    unit = math.pi / 180 if name.endswith("_deg") else 1.0
     if choice.fixed is not None:
         values = _per_entry(name, choice.fixed, len(entries))
         _check_within(into, name, [unit * value for value in values], entries, unit)
@@ -150,8 +165,13 @@ def _tie_channels(into: Parameterization) -> None:
 def _hold_absent_lobes(into: Parameterization, config: FitConfig, channels: int) -> None:
     """Where no light is left for a lobe, its width and color mean nothing: hold them."""
     fixed = into.free == 0
-    no_trt = fixed[FRESNEL_TT] and into.held[FRESNEL_TT] == 1.0
+    along_fiber = range(len(fixed))[grazing_slice(len(fixed))]
+    ends = (FRESNEL_TT, *along_fiber[-1:])
+    no_trt = all(fixed[end] and into.held[end] == 1.0 for end in ends)
     if no_trt:
+        if along_fiber:
+            into.free[[along_fiber[2], along_fiber[4]]] = 0.0
+            into.held[[along_fiber[2], along_fiber[4]]] = np.radians(24.0)
         for entry in (2, 4, *_entries("color_trt", channels)):
             into.tie_source[entry] = entry
             into.free[entry] = 0.0
@@ -168,11 +188,13 @@ def expand(parameterization: Parameterization, x: jax.Array) -> jax.Array:
 def lobe_parameters(full: jax.Array, channels: int) -> LobeParameters:
     widths = dict(zip((name.removesuffix("_deg") for name in WIDTHS), full[:SHAPE_COUNT], strict=True))
     colors = {name: full[color_slice(name, channels)] for name in COLORS}
-    return LobeParameters(**widths, **colors, fresnel_tt=full[FRESNEL_TT])
+    values = full[grazing_slice(len(full))]
+    along_fiber = dict(zip((name.removesuffix("_deg") for name in GRAZING), values, strict=False))
+    return LobeParameters(**widths, **colors, fresnel_tt=full[FRESNEL_TT], **along_fiber)
 
 
 def lobe_kinds(config: FitConfig) -> LobeKinds:
-    return LobeKinds(config.longitudinal, config.azimuthal, not config.gamma_trt)
+    return LobeKinds(config.longitudinal, config.azimuthal, not config.gamma_trt, config.grazing)
 
 
 def widths_from_unbounded(parameterization: Parameterization, z: jax.Array) -> jax.Array:
@@ -187,5 +209,7 @@ def widths_from_unbounded(parameterization: Parameterization, z: jax.Array) -> j
 def to_external_units(values: Array) -> Array:
     """Angles to degrees, along the last axis."""
     converted = np.array(values, dtype=np.float64)
-    converted[..., :SHAPE_COUNT] = np.degrees(converted[..., :SHAPE_COUNT])
+    along_fiber = grazing_slice(converted.shape[-1])
+    for widths in (slice(SHAPE_COUNT), slice(along_fiber.start, along_fiber.start + SHAPE_COUNT)):
+        converted[..., widths] = np.degrees(converted[..., widths])
     return converted

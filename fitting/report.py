@@ -46,9 +46,11 @@ def _lobes(result: FitResult) -> LobesConfig:
     widths = {name: _within(value[name], name) for name in value if name.endswith("_deg")}
     if p.azimuthal_width_trt is None:
         widths.pop("azimuthal_width_trt_deg")
+        widths.pop("azimuthal_width_trt_grazing_deg", None)
     return LobesConfig(
         **widths,
         fresnel_tt=p.fresnel_tt,
+        fresnel_tt_grazing=p.fresnel_tt_grazing,
         longitudinal=p.longitudinal,
         azimuthal=p.azimuthal,
         **{name: getattr(p, name) for name in COLORS},

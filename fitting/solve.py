@@ -2,7 +2,8 @@
 
 Optimistix' Levenberg-Marquardt does the first part; what it lacks is given to it: bounds (by a transform that
 also scales the parameters, since its damping does not), float64 starts, and a convergence check of our own,
-since it looks for convergence on accepted steps only.
+since it looks for convergence on accepted steps only. The search takes widths and T for the same at all
+angles; what they become for light along the fiber is for the polish to find, where the config leaves it free.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ Array = NDArray[np.float64]
 SEARCH_STEPS = 60
 KEPT = 4
 """How many of the best starts are polished."""
-EDM_LIMIT = 1e-4
-"""About a hundredth of a standard error; curved valleys are followed slowly beyond it."""
+EDM_LIMIT = 1e-6
+"""About a thousandth of a standard error."""
 SAME_COST = 1e-6
 """Starts whose cost per datum differs by less than this found the same minimum."""
 
@@ -76,7 +77,8 @@ def solve(
 ) -> Solution:
     """The best of all starts. Raises `InputError` where none converged, with the reason."""
     choice = amplitude_choice(parameterization, residual.channels)
-    points, costs = _search(residual.kinds, residual.channels, parameterization, data, choice, starts)
+    kinds = residual.kinds._replace(grazing=False)
+    points, costs = _search(kinds, residual.channels, parameterization, data, choice, starts)
     costs = np.where(np.isfinite(costs), costs, np.inf)
     chosen = _distinct_best(np.asarray(points), np.asarray(costs))
     end = polish_best(residual, parameterization, data, np.asarray(points)[chosen])
