@@ -107,10 +107,11 @@ class UniformNoise(_Table):
 
 Noise = Annotated[StatedNoise | RelativeNoise | UniformNoise, Field(discriminator="kind")]
 Range = tuple[float, float]
+Reach = Annotated[float, Field(gt=0, le=180)]
 
 
 class MaskRegion(_Table):
-    """Directions to leave out of the fit: those that lie in all the given ranges, in degrees."""
+    """Directions to leave out of the fit: those for which all that is given here is true, in degrees."""
 
     theta_i_deg: Range | None = None
     """Inclination of the light."""
@@ -118,6 +119,20 @@ class MaskRegion(_Table):
     """Inclination of the detector."""
     phi_deg: Range | None = None
     """Azimuth of the detector from the light, within [-180, 180]."""
+    beyond_deg: Reach | None = None
+    """Light or detector inclined by more than this: grazing."""
+    near_specular_deg: Reach | None = None
+    """Detector within this of the specular cone, theta_o = -theta_i."""
+    near_forward_deg: Reach | None = None
+    """Detector within this of the light's way straight through, where the beam itself arrives."""
+    near_light_deg: Reach | None = None
+    """Detector within this of the light, which it then shades."""
+
+    @model_validator(mode="after")
+    def _says_something(self) -> MaskRegion:
+        if not self.model_dump(exclude_none=True):
+            raise ValueError("a mask without any condition would leave nothing")
+        return self
 
 
 class FitConfig(_Table):

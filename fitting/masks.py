@@ -1,6 +1,6 @@
 """Directions that an instrument gets wrong, as masks of shape [N], True where a fit should not look.
 
-Ranges of angles, held-out angles and the noise model belong to the fit; these masks follow the geometry.
+`in_region` is what a job's [[fit.mask]] says: ranges of angles, and the masks below that follow the geometry.
 """
 
 from __future__ import annotations
@@ -8,9 +8,31 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .config import MaskRegion
 from .measurements import Array, Measurements
 
 Mask = NDArray[np.bool_]
+
+
+def in_region(measurements: Measurements, region: MaskRegion) -> Mask:
+    """Where every condition of the region is true."""
+    phi = np.degrees(measurements.phi_o - measurements.phi_i)
+    angles = {
+        "theta_i_deg": np.degrees(measurements.theta_i),
+        "theta_o_deg": np.degrees(measurements.theta_o),
+        "phi_deg": phi - 360 * np.round(phi / 360),
+    }
+    conditions = [
+        (limits[0] <= angle) & (angle <= limits[1])
+        for name, angle in angles.items()
+        if (limits := getattr(region, name)) is not None
+    ]
+    conditions += [
+        mask(measurements, np.radians(reach))
+        for name, mask in _BY_GEOMETRY.items()
+        if (reach := getattr(region, f"{name}_deg")) is not None
+    ]
+    return np.logical_and.reduce(conditions)
 
 
 def beyond(measurements: Measurements, most: float) -> Mask:
@@ -51,3 +73,11 @@ def _separation(measurements: Measurements, theta: Array, phi: Array) -> Array:
     turn = np.sin((measurements.phi_o - phi) / 2) ** 2
     chord = np.sin((measurements.theta_o - theta) / 2) ** 2 + ring(measurements.theta_o) * ring(theta) * turn
     return 2.0 * np.arcsin(np.sqrt(np.clip(chord, 0.0, 1.0)))
+
+
+_BY_GEOMETRY = {
+    "beyond": beyond,
+    "near_specular": near_specular,
+    "near_forward": near_forward,
+    "near_light": near_light,
+}

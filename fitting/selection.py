@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from weft.files.errors import InputError
 
-from .config import FitConfig, MaskRegion
+from .config import FitConfig
+from .masks import in_region
 from .measurement_file import load_measurements
 from .measurements import Measurements
 
@@ -55,7 +56,8 @@ def usable(measurements: Measurements) -> NDArray[np.bool_]:
 
 def split(measurements: Measurements, config: FitConfig) -> tuple[Measurements, Measurements | None]:
     """What the fit sees, and what is held out (None: nothing)."""
-    kept = usable(measurements) & ~_masked(measurements, config.mask)
+    masked = [in_region(measurements, region) for region in config.mask]
+    kept = usable(measurements) & ~np.any([np.zeros(len(measurements), dtype=bool), *masked], axis=0)
     held = np.zeros(len(measurements), dtype=bool)
     lights = np.degrees(measurements.theta_i)
     for angle in config.held_out_theta_i_deg:
@@ -75,21 +77,3 @@ def take(measurements: Measurements, chosen: NDArray[np.bool_]) -> Measurements:
     arrays = {name: getattr(measurements, name) for name in _PER_DIRECTION}
     parts: dict[str, Any] = {name: None if array is None else array[chosen] for name, array in arrays.items()}
     return replace(measurements, **(parts | {"usable": None}))
-
-
-def _masked(measurements: Measurements, regions: Sequence[MaskRegion]) -> NDArray[np.bool_]:
-    phi = np.degrees(measurements.phi_o - measurements.phi_i)
-    angles = {
-        "theta_i_deg": np.degrees(measurements.theta_i),
-        "theta_o_deg": np.degrees(measurements.theta_o),
-        "phi_deg": phi - 360 * np.round(phi / 360),
-    }
-    masked = np.zeros(len(measurements), dtype=bool)
-    for region in regions:
-        ranges = {name: getattr(region, name) for name in angles if getattr(region, name) is not None}
-        if not ranges:
-            raise InputError("fit: a mask without a range would leave nothing")
-        masked |= np.logical_and.reduce(
-            [(low <= angles[name]) & (angles[name] <= high) for name, (low, high) in ranges.items()]
-        )
-    return masked

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from weft.fitting.masks import beyond, near_forward, near_light, near_specular
+from weft.fitting.config import MaskRegion
+from weft.fitting.masks import beyond, in_region, near_forward, near_light, near_specular
 from weft.fitting.measurements import Measurements
 from weft.fitting.surface_directions import vectors
 
@@ -70,3 +71,19 @@ def test_beyond_an_inclination():
     m = sphere("bcsdf")
     assert_is(beyond(m, 1.3), np.abs(m.theta_o) > 1.3)
     assert beyond(m, 0.5)[m.theta_i > 0.6].all()
+
+
+def test_a_region_of_a_job_is_where_all_its_conditions_hold():
+    m = sphere("phase_function")
+    region = MaskRegion(theta_o_deg=(-90.0, 0.0), near_forward_deg=20.0)
+    assert_is(in_region(m, region), near_forward(m, np.radians(20)) & (m.theta_o <= 0))
+    for name, mask in (("beyond", beyond), ("near_specular", near_specular), ("near_light", near_light)):
+        region = MaskRegion.model_validate({f"{name}_deg": 25.0, "phi_deg": (-180.0, 170.0)})
+        turned = np.degrees(m.phi_o - m.phi_i)
+        turned -= 360 * np.round(turned / 360)
+        assert_is(in_region(m, region), mask(m, np.radians(25)) & (turned <= 170))
+
+
+def test_a_region_without_conditions_is_refused():
+    with pytest.raises(ValueError, match="without any condition"):
+        MaskRegion()
