@@ -153,7 +153,7 @@ def test_weight_is_eval_over_pdf_and_averages_to_the_albedo(name):
 
 
 def test_grazing_values_equal_to_the_normal_ones_change_nothing():
-    plain = CORNERS["series"]
+    plain = CORNERS["narrow"]
     same = replace(plain, **{name: plain.at_grazing(name.removesuffix("_grazing")) for name in GRAZING})
     rng = np.random.default_rng(5)
     wo, wi = rng.normal(size=(2, 1000, 3))
