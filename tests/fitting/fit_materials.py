@@ -1,22 +1,33 @@
 """Six textile fibers from physics to presets: simulate, fit, measure what the three lobes miss.
 
-    python tests/fitting/fit_materials.py [--paths 400000] [--usual] [--write]
+    python tests/fitting/fit_materials.py [--paths 4000000] [--constant] [--only silk] [--write]
 
 prints a table of every material and cross-section; --write makes configs/presets/scattering/<material>.toml
-of the usual cross-section. Total variation of two densities f, g is ½ ∫ |f - g|, here over ∫ f.
+of the usual cross-section and <material>_<cross_section>.toml of the others. Every lobe is fitted to its own
+light first (material_lobes.py), which gives its energy; `weft fit` then fits the sum of all orders, each
+width within a fifth of what it was alone. The total variation of f and g is ½ ∫ |f - g|, here over ∫ f.
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from tests.fitting.material_lobes import (
+    CENTER,
+    ORDERS,
+    around,
+    bin_probabilities,
+    energies_alone,
+    shapes_at_normal_incidence,
+    widths_alone,
+)
 from weft.fiber_model.optics.light_transport import run as simulate
 from weft.fiber_model.optics.materials import MATERIALS, material_optics
-from weft.fiber_model.scattering.azimuthal import wrapped_normal_eval
-from weft.fiber_model.scattering.phase import fiber_phase_eval
+from weft.fiber_model.scattering.phase import azimuthal_widths, fiber_phase_albedo, fiber_phase_eval
 from weft.files.atomic import atomic_write
 from weft.fitting.config import FitConfig
 from weft.fitting.fit import run as fit
@@ -41,13 +52,17 @@ def folded(values, phi):
 
 
 def as_measurements(result) -> Measurements:
-    """Each bin weighs by its solid angle: the simulation's noise is small beside what the model misses."""
+    """sigma as if paths were counted: the root of the value over the solid angle, common to all channels.
+
+    Squares of such residuals are near a minimum of the total variation; squares of plain ones see peaks only.
+    """
     values, phi = folded(result.phase_function(), result.bins.phi)
     light, theta, azimuth = (
         grid.ravel() for grid in np.meshgrid(result.theta_i, result.bins.theta, phi, indexing="ij")
     )
     values = values.reshape(-1, 3)
-    sigma = 0.01 * values.max() / np.sqrt(np.maximum(np.cos(theta), 1e-3))
+    counted = np.sqrt((values.mean(axis=1) + 1e-3 * values.max()) * values.max())
+    sigma = 0.01 * counted / np.sqrt(np.maximum(np.cos(theta), 1e-3))
     inside = np.abs(theta) < np.radians(88)
     return Measurements(
         light[inside],
@@ -61,106 +76,167 @@ def as_measurements(result) -> Measurements:
     )
 
 
-def total_variations(result, parameters):
-    """Of the green channel per light: over the sphere, over azimuth alone, and of TRT's azimuth alone."""
-    found = result.phase_function()[..., 1]
-    theta, phi = np.meshgrid(result.bins.theta, result.bins.phi, indexing="ij")
-    solid = np.broadcast_to(result.bins.solid_angles, found.shape)
+class Variations(NamedTuple):
+    """Total variation for each light, shape [I]; green channel, absolute energies."""
+
+    sphere: np.ndarray
+    azimuth: np.ndarray
+    """Of all light around the fiber, whatever its inclination."""
+    lobes: np.ndarray
+    """Of each lobe's own light around the fiber against the lobe's N, weighted by its energy and summed."""
+    noise: np.ndarray
+    """What the sphere's would be, by the simulation's noise alone, of a perfect model."""
+    albedo: np.ndarray
+    """The model's less the simulation's."""
+
+
+def total_variations(result, parameters) -> Variations:
+    found, bins = bin_probabilities(result, (None,)), result.bins
+    theta, phi = np.meshgrid(bins.theta, bins.phi, indexing="ij")
     model = np.stack(
         [
             fiber_phase_eval(parameters, direction(light, 0 * phi), direction(theta, phi))[..., 1]
             for light in result.theta_i
         ]
     )
-    sphere = 0.5 * (np.abs(found - model) * solid).sum((1, 2)) / (found * solid).sum((1, 2))
-    around, model_around = (found * solid).sum(1), (model * solid).sum(1)
-    azimuth = 0.5 * np.abs(around - model_around).sum(1) / around.sum(1)
-    trt = (result.phase_function("TRT")[..., 1] * solid).sum(1)
-    trt /= trt.sum(1, keepdims=True)
-    lobe = wrapped_normal_eval(result.bins.phi, parameters.azimuthal_width_trt)
-    of_trt = 0.5 * np.abs(trt - lobe / lobe.sum()).sum(1)
-    uniform = 0.5 * np.abs(trt - 1 / trt.shape[1]).sum(1)
-    return sphere, azimuth, of_trt, uniform
+    model = model * bins.solid_angles
+    all_light = found.sum((1, 2))
+    sphere = 0.5 * np.abs(found - model).sum((1, 2)) / all_light
+    azimuth = 0.5 * np.abs(found.sum(1) - model.sum(1)).sum(1) / all_light
+    errors = result.standard_errors()[..., 1] * bins.solid_angles / np.sqrt(2)  # phi and -phi averaged
+    noise = 0.5 * np.sqrt(2 / np.pi) * errors.sum((1, 2)) / all_light
+    of_model = fiber_phase_albedo(parameters, direction(result.theta_i, 0.0))[..., 1]
+    lobes = _of_lobes(result, parameters) / all_light
+    return Variations(sphere, azimuth, lobes, noise, of_model - all_light)
 
 
-def fit_material(name: str, shape: str, paths: int):
+def _of_lobes(result, parameters) -> np.ndarray:
+    """Light in the wrong azimuth, [I], lobe by lobe."""
+    misplaced = np.zeros(len(result.theta_i))
+    for k, (lobe, orders) in enumerate(ORDERS.items()):
+        own = bin_probabilities(result, orders).sum(1)
+        for i, light in enumerate(result.theta_i):
+            gamma = azimuthal_widths(parameters, light)[k]
+            shape = around(result.bins.phi, gamma, CENTER[lobe])
+            misplaced[i] += 0.5 * np.abs(own[i] - own[i].sum() * shape).sum()
+    return misplaced
+
+
+def near(energies, alone) -> dict[str, dict]:
+    """Energies held, every width within a fifth of what it is alone."""
+    bounds: dict[str, dict] = {name: {"fixed": value} for name, value in energies.items()}
+    for lobe, widths in alone.items():
+        beta, beta_along, gamma, gamma_along = np.degrees(widths)
+        bounds[f"longitudinal_width_{lobe}_deg"] = _within_a_fifth(beta, 0.5, 60)
+        # not below half of the largest beta: the model takes no more
+        bounds[f"longitudinal_width_{lobe}_grazing_deg"] = _within_a_fifth(beta_along, 0.6 * beta, 45)
+        if lobe != "r":
+            bounds[f"azimuthal_width_{lobe}_deg"] = _within_a_fifth(gamma, 2, 300)
+            bounds[f"azimuthal_width_{lobe}_grazing_deg"] = _within_a_fifth(gamma_along, 2, 300)
+    return bounds
+
+
+def _within_a_fifth(width: float, least: float, most: float) -> dict[str, float]:
+    low = min(max(width / 1.2, least), most / 1.2)
+    return {"lower": low, "upper": min(max(width * 1.2, 1.2 * low), most)}
+
+
+def fit_material(name: str, shape: str, paths: int, *, constant: bool):
     optics = material_optics(name, shape, paths=paths, theta_i_deg=LIGHTS_DEG, seed=1)
     result = simulate(optics)
-    config = FitConfig.model_construct(
-        **{
-            **{field: info.default for field, info in FitConfig.model_fields.items()},
-            "measurements": [],
-            "held_out_theta_i_deg": list(HELD_OUT_DEG),
-            "errors": "scaled",
-            "starts": 6,
-        }
+    seen = ~np.isin(np.round(np.degrees(result.theta_i)), HELD_OUT_DEG)
+    settings = {"starts": 12}
+    if not constant:
+        parameters = near(energies_alone(result, seen), widths_alone(result, seen))
+        settings = {"grazing": True, "parameters": parameters, "starts": 1}
+    asked = FitConfig.model_validate(
+        {"measurements": [__file__], "held_out_theta_i_deg": HELD_OUT_DEG, "errors": "scaled"} | settings
     )
-    fitted = fit(config, as_measurements(result))
-    return optics, result, fitted
+    return optics, result, fit(asked, as_measurements(result))
 
 
-def preset_text(name: str, shape: str, optics, fitted, variations) -> str:
+def preset_text(name: str, shape: str, optics, fitted, variations: Variations) -> str:
     material, p = MATERIALS[name], fitted.parameters
     held = ", ".join(f"{100 * h.relative_rms:.0f} % at {h.theta_i_deg:g} deg" for h in fitted.held_out)
-    low, high = variations[0].min(), variations[0].max()
     comment = [
         f"{name}: a clean, undyed fiber, from physics: light transport through its cross-section ({shape}),",
         f"refractive index {material.refractive_index:g}, roughness {material.roughness:g}, absorption "
         f"{optics.absorption_per_mm} per mm; sources in fiber_model/optics/materials.py",
-        "(Morton and Hearle, chapter 24). The three lobes fitted to it by tests/fitting/fit_materials.py:",
-        f"total variation {low:.2f} to {high:.2f} over the sphere; relative rms",
-        f"at angles held out {held}. Dye the fibers with color_tt and color_trt.",
+        "(Morton and Hearle, chapter 24). Three lobes that change with the angle, fitted to it by",
+        f"tests/fitting/fit_materials.py: total variation {variations.sphere.mean():.3f} over the sphere, "
+        f"{variations.azimuth.mean():.3f}",
+        f"around the fiber (means over 0 to 75 deg); relative rms at angles held out {held}.",
+        "Dye the fibers with color_tt and color_trt.",
     ]
     values = {number.name: number.value for number in fitted.fitted}
     lines = [f"# {line}" for line in comment] + [""]
-    lines += [f"{key} = {value:.4g}" for key, value in values.items() if key.endswith("_deg")]
-    lines += [f"fresnel_tt = {p.fresnel_tt:.4g}"]
+    keys = [key for key in values if key.endswith("_deg") or key.startswith("fresnel_tt")]
+    lines += [f"{key} = {round(values[key], 6):.4g}" for key in keys]
     for key in ("fresnel_r", "color_r", "color_tt", "color_trt"):
         lines.append(f"{key} = [{', '.join(f'{value:.4g}' for value in getattr(p, key))}]")
     return "\n".join(lines) + "\n"
 
 
-def row(name: str, shape: str, fitted, variations) -> str:
-    sphere, azimuth, of_trt, uniform = variations
-    p = fitted.parameters
-    widths = (
-        p.longitudinal_width_r,
-        p.longitudinal_width_tt,
-        p.longitudinal_width_trt,
-        p.azimuthal_width_tt,
-        p.azimuthal_width_trt,
-    )
+def row(name: str, shape: str, fitted, variations: Variations) -> str:
+    values = {number.name: number.value for number in fitted.fitted}
+
+    def width(key: str) -> str:
+        grazing = values.get(f"{key}_grazing_deg")
+        return f"{values[f'{key}_deg']:.1f}" + ("" if grazing is None else f"–{grazing:.1f}")
+
+    beta = " ".join(width(f"longitudinal_width_{lobe}") for lobe in ("r", "tt", "trt"))
+    gamma = " ".join(width(f"azimuthal_width_{lobe}") for lobe in ("tt", "trt"))
+    t = f"{values['fresnel_tt']:.2f}–{values.get('fresnel_tt_grazing', values['fresnel_tt']):.2f}"
     held = " ".join(f"{100 * h.relative_rms:.0f} %" for h in fitted.held_out)
-    bounds = ", ".join(number.name for number in fitted.fitted if number.at_bound)
-    return (
-        f"| {name} {shape} | {' '.join(f'{np.degrees(width):.1f}' for width in widths)} | {held} "
-        f"| {' '.join(f'{v:.2f}' for v in sphere)} | {' '.join(f'{v:.2f}' for v in azimuth)} "
-        f"| {' '.join(f'{v:.2f}' for v in of_trt)} | {uniform.mean():.2f} | {bounds} |"
+    sphere, azimuth, lobes = (
+        f"{' '.join(f'{one:.2f}' for one in tv)}, {tv.mean():.3f}" for tv in variations[:3]
     )
+    noise, albedo = f"{variations.noise.mean():.3f}", f"{np.abs(variations.albedo).max():.3f}"
+    cells = (beta, gamma, t, held, sphere, azimuth, lobes, noise, albedo)
+    return f"| {name} {shape} | {' | '.join(cells)} |"
+
+
+HEADER = (
+    "| fiber | β R, TT, TRT [°] | γ TT, TRT [°] | T | held-out rms 30° 60° | TV sphere 0…75° (mean) "
+    "| TV azimuth | TV azimuth, lobe by lobe | noise | albedo off by |\n" + 10 * "|---" + "|"
+)
+
+
+def print_shapes(paths: int) -> None:
+    """R, TT and TRT around the fiber at normal incidence, each against its best simple lobe."""
+    print("| fiber | R, TT, TRT | weighted by energy | TRT uniform | blurred by 15° |\n|---|---|---|---|---|")
+    for name, material in MATERIALS.items():
+        for shape in material.cross_sections:
+            result = simulate(material_optics(name, shape, paths=paths, theta_i_deg=(0.0,), seed=1))
+            *lobes, together, uniform = shapes_at_normal_incidence(result)
+            blurred = shapes_at_normal_incidence(result, blur_deg=15.0)[3]
+            each = ", ".join(f"{one:.3f}" for one in lobes)
+            print(f"| {name} {shape} | {each} | {together:.3f} | {uniform:.3f} | {blurred:.3f} |", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--paths", type=int, default=400_000)
+    parser.add_argument("--paths", type=int, default=4_000_000)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--only", help="a material")
-    parser.add_argument("--usual", action="store_true", help="only the usual cross-section of each")
+    parser.add_argument("--constant", action="store_true", help="widths and T as in the thesis")
+    parser.add_argument("--shapes", action="store_true", help="only the azimuthal shapes at normal incidence")
     chosen = parser.parse_args()
     start_warp()
-    print(
-        "| fiber | β R TT TRT, γ TT TRT [°] | held-out rms 30° 60° | TV sphere 0…75° | TV azimuth |",
-        end="",
-    )
-    print(" TV of TRT | TRT uniform | at bound |\n|---|---|---|---|---|---|---|---|", flush=True)
+    if chosen.shapes:
+        print_shapes(chosen.paths)
+        return
+    print(HEADER, flush=True)
     for name, material in MATERIALS.items():
         for index, shape in enumerate(material.cross_sections):
-            if (chosen.only and chosen.only != name) or (chosen.usual and index > 0):
+            if chosen.only and chosen.only != name:
                 continue
-            optics, result, fitted = fit_material(name, shape, chosen.paths)
+            optics, result, fitted = fit_material(name, shape, chosen.paths, constant=chosen.constant)
             variations = total_variations(result, fitted.parameters)
             print(row(name, shape, fitted, variations), flush=True)
-            if chosen.write and index == 0:
-                with atomic_write(PRESETS / f"{name}.toml") as temporary:
+            if chosen.write:
+                stem = name if index == 0 else f"{name}_{shape}"
+                with atomic_write(PRESETS / f"{stem}.toml") as temporary:
                     text = preset_text(name, shape, optics, fitted, variations)
                     temporary.write_text(text, encoding="utf-8")
 

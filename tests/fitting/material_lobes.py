@@ -1,0 +1,130 @@
+"""Each order of scattering by itself: widths of R, TT and TRT from the simulation's own histograms.
+
+A fit to the sum of all orders may call any lobe by any name. Here every lobe is fitted to its own light, so
+that the fit to the sum can start there and stay near; TRT stands for all that was reflected inside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from weft.fiber_model.scattering.azimuthal import wrapped_normal_eval
+
+ORDERS = {"r": ("R",), "tt": ("TT",), "trt": ("TRT", "rest")}
+CENTER = {"r": None, "tt": np.pi, "trt": 0.0}
+LONGITUDINAL, AZIMUTHAL = np.radians([0.5, 45.0]), np.radians([4.0, 300.0])
+_INSIDE_BIN = (np.arange(5) + 0.5) / 5
+
+
+def bin_probabilities(histogram, orders, *, channel=1):
+    """Light per bin, shape [I, T, P]; phi and -phi averaged, so are theta and -theta for light at 0 deg."""
+    parts = np.sum([histogram.phase_function(order)[..., channel] for order in orders], axis=0)
+    p = parts * histogram.bins.solid_angles
+    phi = histogram.bins.phi
+    mirrored = np.argmin(np.abs(np.exp(1j * phi[:, None]) - np.exp(-1j * phi)), axis=1)
+    p = 0.5 * (p + p[:, :, mirrored])
+    upright = np.abs(histogram.theta_i) < 1e-9
+    p[upright] = 0.5 * (p[upright] + p[upright, ::-1])
+    return p
+
+
+def along(theta_edges, theta_i, beta):
+    """Probability of each bin of inclination under the Gaussian lobe."""
+    theta = theta_edges[:-1, None] + np.diff(theta_edges)[:, None] * _INSIDE_BIN
+    density = (np.exp(-0.5 * ((theta + theta_i) / beta) ** 2) * np.cos(theta) ** 2).mean(axis=1)
+    mass = density * np.diff(theta_edges)
+    return mass / mass.sum()
+
+
+def around(phi, gamma, center):
+    if center is None:
+        return np.full(len(phi), 1 / len(phi))
+    inside = phi[:, None] + (_INSIDE_BIN - 0.5) * (phi[1] - phi[0])
+    mass = wrapped_normal_eval(inside - center, gamma).mean(axis=1)
+    return mass / mass.sum()
+
+
+def widths_alone(histogram, seen):
+    """beta and gamma [rad], each at normal incidence and along the fiber, {lobe: [4]}; of lights `seen`."""
+    return {lobe: _fit_one(histogram, orders, CENTER[lobe], seen) for lobe, orders in ORDERS.items()}
+
+
+def _fit_one(histogram, orders, center, seen):
+    """Least squares of the roots of probabilities: near a minimum of the total variation, but smooth."""
+    found = bin_probabilities(histogram, orders)
+    lights, bins = histogram.theta_i, histogram.bins
+
+    def residuals(logs):
+        beta, beta_along, gamma, gamma_along = np.exp(logs)
+        parts = []
+        for i in np.flatnonzero(seen):
+            u, energy = 1 - np.cos(lights[i]), found[i].sum()
+            model = np.outer(
+                along(bins.theta_edges, lights[i], beta + (beta_along - beta) * u),
+                around(bins.phi, gamma + (gamma_along - gamma) * u, center),
+            )
+            parts.append((np.sqrt(energy * model) - np.sqrt(found[i])).ravel())
+        return np.concatenate(parts)
+
+    low, high = np.log([LONGITUDINAL, LONGITUDINAL, AZIMUTHAL, AZIMUTHAL]).T
+    start = np.log(np.radians([8.0, 10.0, 40.0, 60.0]))
+    return np.exp(least_squares(residuals, start, bounds=(low, high)).x)
+
+
+def energies_alone(histogram, seen):
+    """F_R, T at both ends, C_TT and C_TRT (RGB) from the light of each lobe: the albedo is the simulation's.
+
+    A fit of the shapes would put light where the lobes do not reach, and a cloth of fibers shows each percent
+    that is lost, many times over.
+    """
+    u = 1 - np.cos(histogram.theta_i[seen])
+    s = u**5
+    light = np.array(
+        [
+            [bin_probabilities(histogram, orders, channel=c).sum((1, 2))[seen] for c in range(3)]
+            for orders in ORDERS.values()
+        ]
+    )
+
+    def residuals(x):
+        fresnel = x[0] + (1 - x[0]) * s
+        t = x[1] + (x[2] - x[1]) * u
+        r = np.tile(fresnel, (3, 1))
+        tt, trt = x[3:6, None] * (1 - fresnel) * t, x[6:, None] * (1 - fresnel) * (1 - t)
+        model = np.stack([r, tt, trt])
+        return np.concatenate([(model - light).ravel(), 10 * (model - light).sum(axis=0).ravel()])
+
+    start = [0.08, 0.7, 0.3, *[0.95] * 6]
+    x = least_squares(residuals, start, bounds=([0.0] * 9, [1.0] * 9), xtol=1e-12).x
+    return {
+        "fresnel_r": float(x[0]),
+        "fresnel_tt": float(x[1]),
+        "fresnel_tt_grazing": float(x[2]),
+        "color_tt": tuple(x[3:6]),
+        "color_trt": tuple(x[6:]),
+    }
+
+
+def shapes_at_normal_incidence(histogram, *, blur_deg=0.0):
+    """Total variation of R, TT, TRT around the fiber against the best simple lobe of each; of the three by
+    energy; that with TRT uniform. Light at 0 deg, without orders beyond TRT; blurred if asked.
+    """
+    phi, energies, best, uniform = histogram.bins.phi, [], [], []
+    for order, center in (("R", None), ("TT", np.pi), ("TRT", 0.0)):
+        light = bin_probabilities(histogram, (order,))[0].sum(0)
+        shape = _blurred(light / light.sum(), phi, blur_deg)
+        gammas = [None] if center is None else np.radians(np.geomspace(8, 300, 120))
+        distances = [0.5 * np.abs(shape - around(phi, gamma, center)).sum() for gamma in gammas]
+        energies.append(light.sum())
+        best.append(min(distances))
+        uniform.append(0.5 * np.abs(shape - 1 / len(phi)).sum())
+    share = np.array(energies) / sum(energies)
+    return [*best, share @ best, share @ [*best[:2], uniform[2]]]
+
+
+def _blurred(shape, phi, blur_deg):
+    if not blur_deg:
+        return shape
+    kernel = wrapped_normal_eval(phi - phi[0], np.radians(blur_deg))
+    return np.real(np.fft.ifft(np.fft.fft(shape) * np.fft.fft(kernel / kernel.sum())))
