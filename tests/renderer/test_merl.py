@@ -128,7 +128,7 @@ def test_weights_average_to_the_reflected_part(model, theta):
     assert weight.max() < 9 * weight.mean()
 
 
-def reflected(table, theta, azimuths=240, parts=6):
+def reflected(table, theta, azimuths=720, parts=6):
     """Light sent back, by quadrature over half vectors, several heights to a cell of theta_h."""
     edges = (np.arange(90 * parts + 1) / (90 * parts)) ** 2 * (np.pi / 2)
     cos_h = (np.cos(edges[1:]) + np.cos(edges[:-1])) / 2
