@@ -29,6 +29,8 @@ LARGEST_SIDE = 1600
 LIGHT = (-0.45, 0.55, 0.7)
 """Toward the light, in the picture: right, up, toward the viewer."""
 AMBIENT = 0.3
+BAND = 64
+"""Columns that are shaded at a time, so that the images themselves are what takes memory."""
 FIBER_COLOR = (0.86, 0.80, 0.70)
 BACKGROUND = (0.055, 0.06, 0.07)
 STRIDES = (1, 2, 4, 8)
@@ -105,7 +107,26 @@ def _march(volume: StoredVolume) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarr
 def _shade(
     transmittance: np.ndarray, light: np.ndarray, height: np.ndarray, voxels_per_pixel: float
 ) -> np.ndarray:
-    """sRGB, uint8, shape [rows, columns, 3], cropped to what is seen; from images [right, up]."""
+    """sRGB, uint8, shape [rows, columns, 3], cropped to what is seen; from images [right, up], in bands."""
+    spans = [np.flatnonzero((1 - transmittance > 0.02).any(axis=k)) for k in (1, 0)]
+    (left, right), (bottom, top) = [
+        (int(span[0]), int(span[-1]) + 1) if len(span) else (0, n)
+        for span, n in zip(spans, transmittance.shape, strict=True)
+    ]
+    levels = np.empty((right - left, top - bottom, 3), dtype=np.uint8)
+    for start in range(left, right, BAND):
+        stop = min(start + BAND, right)
+        # slopes need the neighbors of the band
+        first, last = max(start - 1, 0), min(stop + 1, len(transmittance))
+        band = slice(first, last)
+        shaded = _shade_band(transmittance[band], light[band], height[band], voxels_per_pixel)
+        levels[start - left : stop - left] = shaded[start - first : stop - first, bottom:top]
+    return np.ascontiguousarray(levels.transpose(1, 0, 2)[::-1])
+
+
+def _shade_band(
+    transmittance: np.ndarray, light: np.ndarray, height: np.ndarray, voxels_per_pixel: float
+) -> np.ndarray:
     seen = 1 - transmittance
     solid = np.maximum(seen, 1e-3)
     mean = np.where(seen > 0.02, height / solid, np.nan)
@@ -115,12 +136,7 @@ def _shade(
     facing = np.clip(facing / np.linalg.norm(normal, axis=0), 0, 1)
     brightness = light * (AMBIENT + (1 - AMBIENT) * facing)
     linear = brightness[..., None] * np.array(FIBER_COLOR) + transmittance[..., None] * np.array(BACKGROUND)
-    filled = np.argwhere(seen > 0.02)
-    if len(filled):
-        (left, bottom), (right, top) = filled.min(axis=0), filled.max(axis=0) + 1
-        linear = linear[left:right, bottom:top]
-    levels = np.clip(linear, 0, 1) ** (1 / 2.2) * 255
-    return np.ascontiguousarray(np.rint(levels).astype(np.uint8).transpose(1, 0, 2)[::-1])
+    return np.rint(np.clip(linear, 0, 1) ** (1 / 2.2) * 255).astype(np.uint8)
 
 
 def _shared(array: np.ndarray, dtype: type) -> wp.array:
