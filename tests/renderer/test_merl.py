@@ -16,6 +16,7 @@ from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MerlMaterial, MeshSurface, Placement
 
+from .directions import direction, hemisphere
 from .merl_models import glossy, gold_paint, matte, table_of, write_model
 from .meshes import write_ball
 from .probe import probe
@@ -50,19 +51,6 @@ def model(request):
     yield table, *(lambda *arguments, call=call: call(0, *arguments) for call in made)
     for call in made:
         call.program = None
-
-
-def direction(theta_deg, phi_deg):
-    theta, phi = np.radians([theta_deg, phi_deg])
-    return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
-
-
-def hemisphere(cosines, azimuths):
-    """Directions on a product of midpoints, shape [cosines, azimuths, 3]."""
-    z = (np.arange(cosines) + 0.5)[:, None] / cosines
-    phi = ((np.arange(azimuths) + 0.5) / azimuths * 2 - 1)[None, :] * np.pi
-    r = np.sqrt(1 - z**2)
-    return np.stack(np.broadcast_arrays(r * np.cos(phi), r * np.sin(phi), z), axis=-1)
 
 
 @pytest.mark.gl

@@ -17,6 +17,7 @@ from weft.renderer.surface_config import (
     PrincipledMaterial,
 )
 
+from .directions import direction, hemisphere
 from .meshes import write_ball
 from .principled_reference import NAMES, principled
 from .probe import probe
@@ -65,19 +66,6 @@ def _programs_end_with_the_module():
 def packed(name):
     values = [MATERIALS[name][key] for key in NAMES]
     return values[:4], values[4:8], values[8:]
-
-
-def direction(theta_deg, phi_deg):
-    theta, phi = np.radians([theta_deg, phi_deg])
-    return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
-
-
-def hemisphere(cosines, azimuths):
-    """Directions on a product of midpoints, shape [cosines, azimuths, 3]."""
-    z = (np.arange(cosines) + 0.5)[:, None] / cosines
-    phi = ((np.arange(azimuths) + 0.5) / azimuths * 2 - 1)[None, :] * np.pi
-    r = np.sqrt(1 - z**2)
-    return np.stack(np.broadcast_arrays(r * np.cos(phi), r * np.sin(phi), z), axis=-1)
 
 
 @pytest.mark.parametrize("name", MATERIALS)
