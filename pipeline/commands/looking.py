@@ -49,7 +49,7 @@ def inspect(
     json
         One JSON object in place of the lines.
     """
-    from weft.pipeline.inspect_file import describe
+    from weft.pipeline.inspection.describe import describe
 
     for line in describe(file, verify=verify, as_json=json):
         print(line)

@@ -11,7 +11,7 @@ from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.fiber_model.yarns.yarn_file import save_yarns
 from weft.fiber_model.yarns.yarns import YarnSet
 from weft.files.errors import InputError
-from weft.pipeline.inspect_file import READERS, describe
+from weft.pipeline.inspection.describe import READERS, describe
 from weft.pipeline.progress import reporter
 from weft.pipeline.run import run_chain
 from weft.pipeline.scattering_file import read_scattering, write_scattering

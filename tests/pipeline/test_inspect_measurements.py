@@ -10,7 +10,7 @@ from weft.files.errors import InputError
 from weft.files.measured.rgl import write_rgl
 from weft.fitting.measurement_file import READERS as FORMATS
 from weft.fitting.measurement_file import save_measurements
-from weft.pipeline.inspect_file import READERS, describe
+from weft.pipeline.inspection.describe import READERS, describe
 
 
 def facts(path):

@@ -6,7 +6,7 @@ from tests.fiber_model.yarns.formats.test_mitsuba_hair import binary
 from tests.fiber_model.yarns.formats.test_read_file import WALK, write
 from weft.fiber_model.yarns.config import NOT_IN_FILE
 from weft.files.errors import InputError
-from weft.pipeline.inspect_file import READERS, describe
+from weft.pipeline.inspection.describe import READERS, describe
 
 
 @pytest.mark.parametrize("suffix", sorted(set(NOT_IN_FILE) - {".npz", ".bcc", ".obj"}))

@@ -1,0 +1,1 @@
+"""`weft inspect FILE`: what is in a file, whoever wrote it."""
