@@ -8,10 +8,10 @@ python=${PYTHON:-python3}
 say() { printf 'setup: %s\n' "$*" >&2; }
 
 # GL for the renderer, OpenVDB for .vdb files, a compiler and Python's headers for the one small extension,
-# Debian's own OpenVDB module, with which the tests read our files independently, and a second OpenGL driver
-# (zink over lavapipe) for the tests.
+# Debian's own OpenVDB module, with which the tests read our files independently, and for the tests a second
+# OpenGL driver (zink over lavapipe) and Khronos' reference compiler of GLSL.
 packages="libegl1 libgl1 libgl1-mesa-dri libopenvdb-dev libboost-dev libtbb-dev libimath-dev python3-openvdb
-    mesa-vulkan-drivers"
+    mesa-vulkan-drivers glslang-tools"
 command -v c++ >/dev/null || packages="$packages g++"
 command -v "$python" >/dev/null || packages="$packages python3"
 "$python" -c 'import venv, ensurepip' 2>/dev/null || packages="$packages python3-venv"
