@@ -8,7 +8,8 @@ A cell is the place of one brick of 8 x 8 x 8 voxels. Its word in `cells` says
 
 A voxel word is 12 bits of density over 10 + 10 bits of direction (hemi-octahedral). A voxel without fiber
 keeps in bits 0..2 the radius of the empty box around it within its brick. The scale of each brick is chosen
-so that the sum of its densities is kept exactly, and its majorant is that of the stored values.
+so that the sum of its densities is kept exactly, and its majorant is that of the stored values. Where grids
+have colors, 512 words of dye follow the words of each brick (voxel_colors.py).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from weft.files.errors import DeviceMemoryError, InputError
 from weft.voxelize.grid import BRICK_SIZE, BRICK_VOXELS, FiberGrid
 
 from .direction_encoding import DIRECTION_BITS, encode_axis
+from .voxel_colors import WHITE, color_words
 
 DENSITY_LEVELS = (1 << 12) - 1
 EMPTY_CELL = 1 << 31
@@ -49,7 +51,7 @@ class BrickPool:
     cells: np.ndarray
     """One word per cell, uint32, shape [nx, ny, nz]."""
     voxels: VoxelRows
-    """Quantized voxels in the order of `FiberGrid`, uint32, shape [brick_count, 512]."""
+    """Quantized voxels in the order of `FiberGrid`, uint32, shape [brick_count, 512], or 1024 with colors."""
     density_step: np.ndarray
     """Volume fraction of one density level, per brick, float32, shape [brick_count]."""
     majorant_level: np.ndarray
@@ -60,6 +62,13 @@ class BrickPool:
     """Per medium, float64, shape [medium_count]."""
     layer_count: int
     """Largest number of media in one cell."""
+    has_colors: bool = False
+    """Whether words of dye follow those of each brick."""
+
+    @property
+    def brick_words(self) -> int:
+        """Words of one brick in `voxels`."""
+        return BRICK_VOXELS * (2 if self.has_colors else 1)
 
     @property
     def size(self) -> np.ndarray:
@@ -74,7 +83,7 @@ class BrickPool:
     @property
     def byte_count(self) -> int:
         """Bytes on the device."""
-        return self.cells.nbytes + (4 * BRICK_VOXELS + 8) * len(self.voxels)
+        return self.cells.nbytes + (4 * self.brick_words + 8) * len(self.voxels)
 
 
 @dataclass(frozen=True)
@@ -106,6 +115,7 @@ def build_brick_pool(grids: Sequence[FiberGrid]) -> BrickPool:
         medium=places.medium,
         fiber_radius_mm=np.array([grid.fiber_radius_mm for grid in grids]),
         layer_count=places.layer_count,
+        has_colors=any(grid.albedo is not None for grid in grids),
     )
 
 
@@ -182,7 +192,8 @@ def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray
     """Voxel words, density step and largest level of every brick, in pool order."""
     target = np.empty(len(order), np.int64)
     target[order] = np.arange(len(order))
-    voxels = np.empty((len(order), BRICK_VOXELS), np.uint32)
+    colored = any(grid.albedo is not None for grid in grids)
+    voxels = np.full((len(order), BRICK_VOXELS * (1 + colored)), WHITE, np.uint32)
     step = np.empty(len(order), np.float32)
     level = np.empty(len(order), np.uint32)
     start = 0
@@ -190,9 +201,10 @@ def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray
         for begin in range(0, len(grid.origins), BRICKS_PER_CHUNK):
             chunk = slice(begin, begin + BRICKS_PER_CHUNK)
             place = target[start + begin : start + min(begin + BRICKS_PER_CHUNK, len(grid.origins))]
-            voxels[place], step[place], level[place] = _quantize_chunk(
-                grid.density[chunk], grid.direction[chunk]
-            )
+            words, step[place], level[place] = _quantize_chunk(grid.density[chunk], grid.direction[chunk])
+            voxels[place, :BRICK_VOXELS] = words
+            if grid.albedo is not None:
+                voxels[place, BRICK_VOXELS:] = color_words(grid.albedo[chunk])
         start += len(grid.origins)
     return voxels, step, level
 

@@ -272,7 +272,7 @@ class Kernel:
 
     def _upload(self) -> None:
         pool, ctx = self.scene.pool, self.context
-        page_bricks = _bricks_per_page(ctx)
+        page_bricks = _bricks_per_page(ctx, 4 * pool.brick_words)
         self.page_shift = page_bricks.bit_length() - 1
         records = brick_records(pool, self.scene.extinction_scale)
         capacity = pool_capacity(self.scene)
@@ -349,8 +349,11 @@ class Kernel:
         )
 
     def _voxel_pages(self) -> str:
-        table = None if self.pager is None else len(self.scene.pool.voxels)
-        return voxel_pages_glsl(len(self.pages), self.page_shift, slot_table=table)
+        pool = self.scene.pool
+        table = None if self.pager is None else len(pool.voxels)
+        return voxel_pages_glsl(
+            len(self.pages), self.page_shift, slot_table=table, brick_words=pool.brick_words
+        )
 
     def release(self) -> None:
         """Give the device memory back."""
@@ -391,11 +394,13 @@ def brick_records(pool: BrickPool, extinction_scale: np.ndarray) -> np.ndarray:
     return records
 
 
-def voxel_pages_glsl(page_count: int, page_shift: int, *, slot_table: int | None = None) -> str:
+def voxel_pages_glsl(
+    page_count: int, page_shift: int, *, slot_table: int | None = None, brick_words: int = 512
+) -> str:
     """Buffers of voxels and the function that picks the right one.
 
     `slot_table`: where in bricks[] the table begins that says in which slot of the pages a brick lies;
-    without it, brick n lies in slot n.
+    without it, brick n lies in slot n. `brick_words`: of one brick, 512 for voxels and as many for colors.
     """
     lines = [
         f"layout(std430, binding = {binding}) readonly buffer Voxels{i} {{ uint voxels_{i}[]; }};"
@@ -415,12 +420,12 @@ def voxel_pages_glsl(page_count: int, page_shift: int, *, slot_table: int | None
         mask = (1 << page_shift) - 1
         lines += [
             f"    uint page = slot >> {page_shift}u;",
-            f"    uint index = (slot & {mask}u) * 512u + voxel;",
+            f"    uint index = (slot & {mask}u) * {brick_words}u + voxel;",
         ]
         lines += [f"    if (page == {i}u) return voxels_{i}[index];" for i in range(page_count - 1)]
         lines += [f"    return voxels_{page_count - 1}[index];"]
     else:
-        lines += ["    return voxels_0[slot * 512u + voxel];"]
+        lines += [f"    return voxels_0[slot * {brick_words}u + voxel];"]
     return "\n".join([*lines, "}"]) + "\n"
 
 
@@ -431,9 +436,9 @@ def _page_limit(limits: Mapping[str, int]) -> int:
     return int(min(blocks - FIRST_PAGE_BINDING, MAX_VOXEL_PAGES))
 
 
-def _bricks_per_page(context: moderngl.Context) -> int:
+def _bricks_per_page(context: moderngl.Context, brick_bytes: int) -> int:
     """A power of two of bricks that fits one storage block of this driver, and 31-bit byte offsets."""
     block = int(context.info.get("GL_MAX_SHADER_STORAGE_BLOCK_SIZE") or buffers.STORAGE_BLOCK_BYTES)
     block %= 1 << 32  # 4 GiB - 1 arrives as -1
-    bricks = min(max(block, buffers.STORAGE_BLOCK_BYTES), 1 << 30) // 2048
+    bricks = min(max(block, buffers.STORAGE_BLOCK_BYTES), 1 << 30) // brick_bytes
     return 1 << (bricks.bit_length() - 1)

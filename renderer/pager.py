@@ -14,19 +14,20 @@ from .direction_encoding import DIRECTION_BITS, encode_axis
 from .gpu import buffers
 from .residency import NO_BRICK, NOT_RESIDENT, Residency
 from .scene import Scene
+from .voxel_colors import color_words, colors_of_words
 
-BRICK_BYTES = 2048
 BATCH_SHARE = 0.75
 """Of the pool, for the bricks in a batch's frustum; the rest serves the paths that leave it."""
 BRICKS_PER_UPLOAD = 1 << 14
+BRICKS_PER_SUM = 1 << 10
 
 
 def pool_capacity(scene: Scene) -> int | None:
     """Bricks in the device's pool; None where all of them are to be there."""
     limit = scene.config.brick_pool_mb
-    if limit is None or limit * buffers.MIB >= len(scene.pool.voxels) * BRICK_BYTES:
+    if limit is None or limit * buffers.MIB >= len(scene.pool.voxels) * 4 * scene.pool.brick_words:
         return None
-    return int(limit * buffers.MIB) // BRICK_BYTES
+    return int(limit * buffers.MIB) // (4 * scene.pool.brick_words)
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class MeanBricks:
     """One brick per medium that stands for all outside of a batch: mean density, axes in all directions."""
 
     voxels: np.ndarray
-    """uint32, shape [medium_count, 512]."""
+    """uint32, shape [medium_count, 512], or 1024 with colors, the mean one."""
     records: np.ndarray
     """As those of the bricks (kernel.py), uint32, shape [medium_count, 2]."""
 
@@ -45,16 +46,36 @@ def mean_bricks(pool: BrickPool, extinction_scale: np.ndarray) -> MeanBricks:
     total, bricks = np.zeros(count), np.bincount(pool.medium, minlength=count)
     for start in range(0, len(pool.voxels), BRICKS_PER_UPLOAD):
         part = slice(start, start + BRICKS_PER_UPLOAD)
-        levels = (pool.voxels[part] >> (2 * DIRECTION_BITS)).sum(axis=1, dtype=np.float64)
-        total += np.bincount(pool.medium[part], levels * pool.density_step[part], minlength=count)
+        levels = pool.voxels[part][:, :BRICK_VOXELS] >> (2 * DIRECTION_BITS)
+        sums = levels.sum(axis=1, dtype=np.float64) * pool.density_step[part]
+        total += np.bincount(pool.medium[part], sums, minlength=count)
     density = total / np.maximum(bricks * BRICK_VOXELS, 1)
+    if pool.has_colors:
+        colors = np.repeat(color_words(mean_colors(pool, count))[:, None], BRICK_VOXELS, axis=1)
+    else:
+        colors = np.empty((count, 0), np.uint32)
     axes = np.random.default_rng(0).normal(size=(count * BRICK_VOXELS, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     voxels = encode_axis(axes).reshape(count, -1).astype(np.uint32) | np.uint32(1 << 2 * DIRECTION_BITS)
     records = np.stack(
         [(density * extinction_scale).astype(np.float32).view(np.uint32), np.arange(count)], -1
     )
-    return MeanBricks(voxels, (records + np.array([0, 1 << 16])).astype(np.uint32))
+    return MeanBricks(
+        np.concatenate([voxels, colors], axis=1), (records + np.array([0, 1 << 16])).astype(np.uint32)
+    )
+
+
+def mean_colors(pool: BrickPool, medium_count: int) -> np.ndarray:
+    """Linear RGB of the fiber of each medium, float64, shape [medium_count, 3]."""
+    total, weight = np.zeros((medium_count, 3)), np.zeros(medium_count)
+    for start in range(0, len(pool.voxels), BRICKS_PER_SUM):
+        part = slice(start, start + BRICKS_PER_SUM)
+        words, medium = pool.voxels[part], pool.medium[part]
+        fiber = (words[:, :BRICK_VOXELS] >> (2 * DIRECTION_BITS)) * pool.density_step[part][:, None]
+        colors = np.einsum("bv,bvc->bc", fiber, colors_of_words(words[:, BRICK_VOXELS:]))
+        np.add.at(total, medium, colors)
+        weight += np.bincount(medium, fiber.sum(axis=1), minlength=medium_count)
+    return total / np.maximum(weight, 1e-30)[:, None]
 
 
 class BrickPager:
@@ -68,13 +89,16 @@ class BrickPager:
         self._footprints: Footprints | None = None
         self._residency = Residency(self._cells.first, self._cells.layers, capacity)
         self._page_bricks = page_bricks
+        self._brick_bytes = 4 * scene.pool.brick_words
         self._records = records
         self._stand_in = None
         if scene.config.outside_batch == "homogeneous":
             self._stand_in = mean_bricks(scene.pool, scene.extinction_scale)
             self._residency.capacity -= len(self._stand_in.records)
         self.pages = [
-            buffers.reserve(context, min(page_bricks, capacity - start) * BRICK_BYTES, name="the brick pool")
+            buffers.reserve(
+                context, min(page_bricks, capacity - start) * self._brick_bytes, name="the brick pool"
+            )
             for start in range(0, capacity, page_bricks)
         ]
         self._table_offset = records.nbytes
@@ -132,7 +156,7 @@ class BrickPager:
     def _write(self, voxels: np.ndarray, slots: np.ndarray) -> None:
         """Into consecutive slots of one page."""
         page, place = divmod(int(slots[0]), self._page_bricks)
-        self.pages[page].write(np.ascontiguousarray(voxels), offset=place * BRICK_BYTES)
+        self.pages[page].write(np.ascontiguousarray(voxels), offset=place * self._brick_bytes)
 
     def _write_table(self) -> None:
         table = self._residency.slot_of_brick

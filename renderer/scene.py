@@ -106,6 +106,7 @@ class Scene:
             "LAYER_COUNT": self.pool.layer_count,
             "EXTINCTION_PROJECTED": self.config.extinction == "projected",
             "EXTINCTION_FLAKES": self.phase.flake_roughness > 0,
+            "VOXEL_COLORS": self.pool.has_colors,
             "FIBER_CORRELATION": self.config.correlation == "fibers",
             "TRACKING_DELTA": self.config.tracking == "delta",
             "SHADOW_ROULETTE": SHADOW_ROULETTE,

@@ -53,7 +53,7 @@ class VoxelizeConfig(BaseModel):
     moment_off (xy, xz, yz)."""
     albedo: bool = False
     """Also store the mean color of the fibers in each voxel (their plies' colors, with color noise along the
-    yarn) as the grid `albedo`, linear RGB. For other programs: the renderer does not read it yet."""
+    yarn) as the grid `albedo`, linear RGB. The renderer takes it as the fibers' dye."""
     levels: int = Field(default=0, ge=0, le=5)
     """Coarser levels to write beside the result, each a volume: 2, 4, 8 ... times the voxel size."""
     level_lobes: Literal[1, 2] = 2

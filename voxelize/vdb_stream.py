@@ -12,7 +12,7 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -35,7 +35,7 @@ class VdbMedium:
     name: str
     fiber_radius_mm: float
     grids: dict[str, str]
-    """Channel -> name of its grid."""
+    """Channel -> name of its grid: density, direction, and albedo where there are colors."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +60,23 @@ def read_outline(path: Path) -> VdbOutline:
             VdbMedium(
                 name=str(grid["metadata"]["medium"]),
                 fiber_radius_mm=float(grid["metadata"]["fiber_radius_mm"]),
-                grids={
-                    channel: grids[grid["name"].replace("density", GRID_NAMES[channel], 1)]["name"]
-                    for channel in ("density", "direction")
-                },
+                grids=_grids_of(grid["name"], grids),
             )
             for grid in found
         )
         return VdbOutline(str(found[0]["metadata"]["content_sha256"]), media)
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"the file is damaged: {error}.", path=path) from error
+
+
+def _grids_of(density: str, grids: Container[str]) -> dict[str, str]:
+    names = {
+        channel: density.replace("density", GRID_NAMES[channel], 1)
+        for channel in ("density", "direction", "albedo")
+    }
+    if names["direction"] not in grids:
+        raise KeyError(names["direction"])
+    return {channel: name for channel, name in names.items() if name in grids}
 
 
 @dataclass

@@ -5,6 +5,10 @@
 #constant EXTINCTION_PROJECTED
 #constant FIBER_CORRELATION
 #constant EXTINCTION_FLAKES
+#constant VOXEL_COLORS
+#if VOXEL_COLORS
+#include "medium/tint.glsl"
+#endif
 
 const uint EMPTY_CELL = 0x80000000u;
 
@@ -124,8 +128,9 @@ Cell majorant_cell(ivec3 voxel) {
     return box;
 }
 
-// The medium met at a collision, chosen in proportion to extinction by u in [0, 1); `axis` is its fiber direction.
-uint choose_medium(ivec3 voxel, vec3 direction, float u, out vec3 axis) {
+// The medium met at a collision, chosen in proportion to extinction by u in [0, 1); `axis` is its fiber direction,
+// `tint` its dye.
+uint choose_medium(ivec3 voxel, vec3 direction, float u, out vec3 axis, out vec3 tint) {
     uint word = cell_word(voxel >> 3);
     uint first = word & 0x0fffffffu;
     uint layers = (word >> 28) + 1u;
@@ -143,13 +148,23 @@ uint choose_medium(ivec3 voxel, vec3 direction, float u, out vec3 axis) {
     float target = u * sum;
     uint medium = 0u;
     uint chosen = 0u;
+    tint = vec3(1.0);
+#if VOXEL_COLORS
+    uint brick = first;
+#endif
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
         if (extinction[layer] > 0.0 && target >= 0.0) {
             chosen = stored[layer];
             medium = bricks[first + layer].y & 0xffffu;
+#if VOXEL_COLORS
+            brick = first + layer;
+#endif
         }
         target -= extinction[layer];
     }
+#if VOXEL_COLORS
+    tint = tint_of_word(voxel_word(brick, 512u + index));
+#endif
     axis = normalize(unscaled_axis(chosen));
     return medium;
 }

@@ -24,10 +24,10 @@ struct Phase {
 const float KIND_HENYEY_GREENSTEIN = 1.0;
 const float KIND_SGGX = 2.0;
 
-Phase phase_at(uint medium, vec3 wo) {
+Phase phase_at(uint medium, vec3 wo, vec3 tint) {
     vec4 first = phase_media[2u * medium];
     vec4 second = phase_media[2u * medium + 1u];
-    return Phase(wo, first.rgb, first.w, second.rgb, second.w);
+    return Phase(wo, first.rgb * tint, first.w, second.rgb, second.w);
 }
 
 vec3 phase_albedo(Phase phase) {

@@ -39,9 +39,10 @@ void cut_path(inout Path p) {
 void scatter(inout Path p) {
     uvec4 bits = random_words(p.rng);
     vec3 axis;
-    uint medium = choose_medium(p.voxel, p.direction, unit_float(bits.x), axis);
+    vec3 tint;
+    uint medium = choose_medium(p.voxel, p.direction, unit_float(bits.x), axis, tint);
     mat3 frame = fiber_frame(axis);
-    Phase phase = phase_at(medium, -p.direction * frame);
+    Phase phase = phase_at(medium, -p.direction * frame, tint);
     if (p.bounce == 0u) {
         film_add_first_scattering(film_place(p.rng.xy), p.t, axis, phase_albedo(phase));
     }
