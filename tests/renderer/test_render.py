@@ -123,7 +123,7 @@ def test_pages_of_voxels_make_the_same_picture(monkeypatch):
     """The same bricks spread over several buffers."""
     from weft.renderer import kernel
 
-    monkeypatch.setattr(kernel, "_bricks_per_page", lambda context: 1)
+    monkeypatch.setattr(kernel, "_bricks_per_page", lambda *_: 1)
     paged = run(CONFIG, volume(random_grid((2, 2, 2), seed=9)), {"a": TABLE["reference"]})
     monkeypatch.undo()
     whole = run(CONFIG, volume(random_grid((2, 2, 2), seed=9)), {"a": TABLE["reference"]})
@@ -133,7 +133,7 @@ def test_pages_of_voxels_make_the_same_picture(monkeypatch):
 def test_too_many_bricks_are_refused(monkeypatch):
     from weft.renderer import kernel
 
-    monkeypatch.setattr(kernel, "_bricks_per_page", lambda context: 1)
+    monkeypatch.setattr(kernel, "_bricks_per_page", lambda *_: 1)
     with pytest.raises(DeviceMemoryError, match="27 bricks need 27 buffers"):
         run(CONFIG, volume(uniform_grid((3, 3, 3), 0.5, (1, 0, 0))), {"a": TABLE["reference"]})
 
