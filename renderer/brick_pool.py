@@ -175,12 +175,12 @@ def _link_cells(flat: np.ndarray, medium: np.ndarray, shape: tuple[int, ...]) ->
         )
     mask = np.zeros(shape, bool)
     mask.reshape(-1)[occupied] = True
-    cells = (EMPTY_CELL | _empty_radius(mask)).astype(np.uint32)
+    cells = (EMPTY_CELL | empty_radius(mask)).astype(np.uint32)
     cells.reshape(-1)[occupied] = ((count - 1) << 28 | first).astype(np.uint32)
     return cells, int(count.max())
 
 
-def _empty_radius(occupied: np.ndarray) -> np.ndarray:
+def empty_radius(occupied: np.ndarray) -> np.ndarray:
     """Chebyshev distance to the nearest occupied cell, less one; cells outside count as empty."""
     from scipy.ndimage import distance_transform_cdt
 

@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from weft.files.input_file import InputFile
 
 from .light_config import DiskLight, MeshLight, PointLight, QuadLight, SoftboxLight, SpotLight
+from .media_config import Medium
 from .settings import Color, Reflectance, Settings, Vector
 from .surface_config import BallSurface, GroundSurface, MeshSurface, Stencil, SweepSurface
 
@@ -231,6 +232,8 @@ class RenderConfig(Settings):
     """Meshes and grounds beside the volume."""
     stencil: Stencil | None = None
     """Outside of it the volume is empty; unset: all of the volume is there."""
+    media: tuple[Medium, ...] = Field(default=(), max_length=32)
+    """Media beside the volume's own: homogeneous ones, and further grids. Those that overlap add up."""
     background: Literal["environment"] | Color = (0.0, 0.0, 0.0)
     """What camera rays see that meet no fiber: a linear color, or the environment."""
     filter: PixelFilter = BoxFilter()
@@ -303,6 +306,12 @@ class RenderConfig(Settings):
     def _scale_needs_isotropic(self) -> RenderConfig:
         if self.isotropic_extinction_per_mm is not None and self.extinction != "isotropic":
             raise ValueError('isotropic_extinction_per_mm has no effect unless extinction = "isotropic"')
+        return self
+
+    @model_validator(mode="after")
+    def _media_need_exact_tracking(self) -> RenderConfig:
+        if self.media and (self.tracking != "exact" or self.correlation != "none"):
+            raise ValueError('media need tracking = "exact" and correlation = "none"')
         return self
 
     @model_validator(mode="after")

@@ -30,6 +30,7 @@ def scene_identity(scene: Scene, volume_sha256: str, device: str) -> dict[str, A
     return {
         "volume": volume_sha256,
         "scattering": _hash(scene.phase.parameters),
+        **({"media": scene.media.content_sha256} if scene.media else {}),
         "lights and surfaces": _hash(scene.tables),
         **_flat(without_folders(scene.config.model_dump(exclude=left_out)), "render"),
         "weft": weft_version(),

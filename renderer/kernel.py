@@ -26,6 +26,8 @@ STATE_WORDS = 9
 """Rows of four words per path; one more in scenes with surfaces."""
 CORRELATION_WORDS = 3
 """Rows more where fibers are correlated (shaders/path/state.glsl)."""
+COLOR_WORDS = 1
+"""Row more where extinction depends on color."""
 WANTED_ROW = 8
 """Whose last word is the brick that a path waits for."""
 COUNTERS = (
@@ -266,6 +268,7 @@ class Kernel:
         """Rounds of a dispatch whose loops stay within the budget, whether or not the driver unrolls some."""
         layers = self.scene.pool.layer_count
         layers = layers if layers > 1 else 0
+        layers += len(self.scene.media.homogeneous) if self.scene.media else 0
         steps = self.options.steps_per_round * (1 + layers)
         seeks = self.options.seeks_per_round if self.scene.surfaces else 0
         return max(1, LOOP_BUDGET // (1 + steps + seeks + 2 * layers + SLOWEST_SAMPLING_LOOP))
@@ -299,6 +302,7 @@ class Kernel:
     def _reserve_states(self) -> None:
         correlated = self.scene.config.correlation != "none"
         self.state_words = STATE_WORDS + (self.scene.surfaces is not None) + CORRELATION_WORDS * correlated
+        self.state_words += COLOR_WORDS * self.scene.colored
         size = self.lane_count * self.state_words * 16
         self.states = buffers.reserve(self.context, size, name="the paths")
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.errors import InputError
 from weft.voxelize.grid import FiberVolume
 
@@ -21,9 +20,10 @@ from .film import FILM_LAYERS, SURFACE_FILM_LAYERS
 from .gpu.shader_source import Constant
 from .lights import LightTable, LocalValues, build_light_table
 from .local_lights import LOCAL_ROWS, LocalLight, Stage, fluence_at, light_rows, light_values, local_lights
+from .media import OtherMedia, pool_around, with_other_media
+from .phase_table import PhaseTable, Scattering, build_phase_table
 from .pixel_filter import CELLS, KINDS, filter_uniforms
-from .scattering_block import grazing_share, pack_scattering, pack_symmetric_tables, symmetric_share
-from .simple_phases import IsotropicPhase, SimplePhase, flake_roughness, pack_simple, simple_constants
+from .simple_phases import IsotropicPhase
 from .stencil import cut_out
 from .surfaces import SurfaceTable, build_surface_table
 from .turned_lights import turned_lights
@@ -49,21 +49,6 @@ FILTER_PIECE = (
 )
 
 
-Scattering = FiberScatteringParameters | SimplePhase
-
-
-@dataclass(frozen=True)
-class PhaseTable:
-    """The phase function of all media: its GLSL pieces and their parameters."""
-
-    piece: str
-    block: str
-    parameters: np.ndarray
-    constants: Mapping[str, Constant]
-    flake_roughness: float = 0.0
-    """Of SGGX media, which changes their extinction; 0: fibers."""
-
-
 @dataclass(frozen=True)
 class Scene:
     """One picture to be made, on the host."""
@@ -78,6 +63,8 @@ class Scene:
     """Places of the lights that stand somewhere, four rows each; float32, shape [n, 4]."""
     local_kinds: frozenset[str] = frozenset()
     """Which of them there are."""
+    media: OtherMedia | None = None
+    """Those that are no fibers of the volume; None where there are none."""
 
     @property
     def film_layers(self) -> int:
@@ -93,12 +80,21 @@ class Scene:
     @property
     def extinction_scale(self) -> np.ndarray:
         """Extinction of volume fraction 1 across the fiber, per medium [1/voxel]."""
+        scale = self._fiber_extinction_scale()
+        return scale if self.media is None else self.media.extinction_scale(scale, self.pool.voxel_size_mm)
+
+    def _fiber_extinction_scale(self) -> np.ndarray:
         radius, size = self.pool.fiber_radius_mm, self.pool.voxel_size_mm
         if self.config.extinction == "projected":
             return 2 * size / (math.pi * radius)
         if self.config.isotropic_extinction_per_mm is not None:
             return np.full(len(radius), self.config.isotropic_extinction_per_mm * size)
         return size / (2 * radius)
+
+    @property
+    def colored(self) -> bool:
+        """Whether extinction depends on color."""
+        return self.media is not None and self.media.colored
 
     def constants(self) -> dict[str, Constant]:
         """Compile-time options of the kernel."""
@@ -108,6 +104,9 @@ class Scene:
             "EXTINCTION_FLAKES": self.phase.flake_roughness > 0,
             "VOXEL_COLORS": self.pool.has_colors,
             "FIBER_CORRELATION": self.config.correlation == "fibers",
+            "EXTINCTION_RGB": self.colored,
+            "OTHER_MEDIA": self.media is not None,
+            **(self.media.constants() if self.media else {}),
             "TRACKING_DELTA": self.config.tracking == "delta",
             "SHADOW_ROULETTE": SHADOW_ROULETTE,
             "SAMPLE_LIGHTS": self.config.sampling != "phase",
@@ -153,7 +152,8 @@ class Scene:
     def pieces(self) -> dict[str, str]:
         """GLSL chosen or made for this scene."""
         return {
-            "generated/track.glsl": f'#include "medium/track_{self.config.tracking}.glsl"\n',
+            "generated/track.glsl": f'#include "medium/track_{self._tracker()}.glsl"\n',
+            "generated/collide.glsl": '#include "medium/collide.glsl"\n' if self.media else "",
             "generated/phase.glsl": f'#include "{self.phase.piece}"\n',
             "generated/phase_block.glsl": self.phase.block,
             "generated/surfaces.glsl": "" if self.surfaces is None else SURFACE_PIECE,
@@ -167,12 +167,19 @@ class Scene:
             "generated/filter.glsl": "" if self.config.filter.kind == "box" else FILTER_PIECE,
         }
 
+    def _thickest_fiber_mm(self) -> float:
+        radius = self.pool.fiber_radius_mm
+        return float((radius if self.media is None else radius[: self.media.fiber_count]).max())
+
+    def _tracker(self) -> str:
+        return self.config.tracking if self.media is None else "media"
+
     def uniforms(self) -> dict[str, object]:
         """Uniforms that hold for the whole picture; lengths in voxels."""
         config, pool, camera = self.config, self.pool, self.camera
         rows = len(self.light_table.environment)
         scale = 1.0 if camera.perspective else 1 / pool.voxel_size_mm
-        offset = config.self_shadow_offset_fibers * float(pool.fiber_radius_mm.max()) / pool.voxel_size_mm
+        thickest = self._thickest_fiber_mm() / pool.voxel_size_mm
         from_environment = config.background == "environment"
         return {
             "grid_cells": pool.cells.shape,
@@ -181,9 +188,9 @@ class Scene:
             "film_layers": self.film_layers,
             "max_bounces": config.max_bounces,
             "roulette_start": config.roulette_start,
-            "start_offset": offset,
+            "start_offset": config.self_shadow_offset_fibers * thickest,
             "flake_roughness": self.phase.flake_roughness,
-            "fiber_radius": float(pool.fiber_radius_mm.max()) / pool.voxel_size_mm,
+            "fiber_radius": thickest,
             "background": (0.0, 0.0, 0.0, 1.0) if from_environment else (*config.background, 0.0),
             "camera_perspective": int(camera.perspective),
             "camera_position": tuple((camera.position - pool.corner_mm) / pool.voxel_size_mm),
@@ -202,6 +209,7 @@ class Scene:
                 camera.aperture_rotation,
             ),
             **filter_uniforms(config.filter),
+            **(self.media.uniforms(pool) if self.media else {}),
             **self._surface_uniforms(),
             "environment_size": (2 * rows, rows),
             "light_count": len(self.light_table.entries),
@@ -213,21 +221,24 @@ def build_scene(
     config: RenderConfig, volume: FiberVolume | BrickFile, scattering: Mapping[str, Scattering]
 ) -> Scene:
     """Put volume, camera and lights together. Raises `InputError` for what cannot be rendered."""
-    phase = build_phase_table(volume.media, scattering)
-    pool, bounds = _pool_and_bounds(config, volume)
+    volume = _cut_out(config, volume)
+    names, bounds = volume.media, np.asarray(volume.bounds_mm)
+    volume, media = with_other_media(config, volume)
+    phase = build_phase_table(names, scattering, media.phases if media else ())
+    pool = volume.pool() if isinstance(volume, BrickFile) else build_brick_pool(list(volume.grids.values()))
+    pool = pool if media is None else pool_around(pool, media)
     camera = place_camera(config.camera, bounds, config.resolution)
-    return Scene(config, pool, camera, phase=phase, **_lighting(config, pool, camera.axes, bounds))
+    lighting = _lighting(config, pool, camera.axes, bounds)
+    return Scene(config, pool, camera, phase=phase, media=media, **lighting)
 
 
-def _pool_and_bounds(config: RenderConfig, volume: FiberVolume | BrickFile) -> tuple[BrickPool, np.ndarray]:
+def _cut_out(config: RenderConfig, volume: FiberVolume | BrickFile) -> FiberVolume | BrickFile:
+    if config.stencil is None:
+        return volume
     if isinstance(volume, BrickFile):
-        if config.stencil is not None:
-            raise InputError(
-                "render.stencil: what is cut out must be in memory.", hint="Leave out brick_pool_mb."
-            )
-        return volume.pool(), volume.bounds_mm
-    volume = volume if config.stencil is None else cut_out(volume, config.stencil)
-    return build_brick_pool(list(volume.grids.values())), np.asarray(volume.bounds_mm)
+        what = "render.stencil: what is cut out must be in memory."
+        raise InputError(what, hint="Leave out brick_pool_mb.")
+    return cut_out(volume, config.stencil)
 
 
 def lit_scene(scene: Scene, lights: Sequence[Light], axes: np.ndarray, bounds: np.ndarray) -> Scene:
@@ -258,44 +269,3 @@ def _local_values(
     radius = float(np.linalg.norm(np.ptp(bounds, axis=0))) / 2
     fluence = np.array([fluence_at(light, middle, radius) for light in local]).reshape(-1, 3)
     return LocalValues(light_values(local, voxel_size_mm), fluence)
-
-
-def build_phase_table(media: tuple[str, ...], scattering: Mapping[str, Scattering]) -> PhaseTable:
-    """Scattering of the media in their order; one set serves all where only one is given."""
-    if len(scattering) == 1 and len(media) >= 1:
-        chosen = list(scattering.values()) * len(media)
-    elif missing := [name for name in media if name not in scattering]:
-        given = ", ".join(scattering) or "none"
-        raise InputError(f"render: no scattering for medium {', '.join(missing)}; given are {given}.")
-    else:
-        chosen = [scattering[name] for name in media]
-    simple = [one for one in chosen if not isinstance(one, FiberScatteringParameters)]
-    fibers = [one for one in chosen if isinstance(one, FiberScatteringParameters)]
-    if simple and fibers:
-        raise InputError("render: fibers and simple phase functions cannot be mixed in one picture.")
-    if simple:
-        constants = simple_constants(simple)
-        roughness = flake_roughness(simple)
-        return PhaseTable("path/phase_simple.glsl", _block("vec4"), pack_simple(simple), constants, roughness)
-    return _fiber_phase_table(fibers)
-
-
-def _fiber_phase_table(fibers: list[FiberScatteringParameters]) -> PhaseTable:
-    """The media, then the tables of the symmetric ones: in one buffer, since OpenGL 4.3 promises eight."""
-    tables = pack_symmetric_tables(fibers)
-    constants = {
-        "MEDIUM_COUNT": len(fibers),
-        "FIBER_SYMMETRIC": symmetric_share(fibers),
-        "FIBER_GRAZING": grazing_share(fibers),
-    }
-    block = (
-        '#include "phase/fiber_block.glsl"\n#constant MEDIUM_COUNT\n'
-        "layout(std430, binding = 6) readonly buffer PhaseMedia {\n"
-        "    FiberScattering phase_media[MEDIUM_COUNT];\n    vec4 fiber_table[];\n};\n"
-    )
-    packed = np.concatenate([pack_scattering(fibers).ravel(), tables.ravel()])
-    return PhaseTable("path/phase_fiber.glsl", block, packed, constants)
-
-
-def _block(struct: str) -> str:
-    return f"layout(std430, binding = 6) readonly buffer PhaseMedia {{ {struct} phase_media[]; }};\n"

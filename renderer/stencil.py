@@ -22,17 +22,22 @@ ASIDE = (3.1e-5, 1.7e-5)
 
 def cut_out(volume: FiberVolume, stencil: Stencil) -> FiberVolume:
     """What lies inside. Raises `InputError` for a mesh that is not closed, or with nothing inside."""
-    mesh = read_mesh(stencil.file)
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    if not mesh.is_watertight:
-        hint = "Every edge must belong to two triangles."
-        raise InputError("the stencil mesh is not closed.", path=stencil.file, hint=hint)
-    corners = placed(triangles_of(mesh, stencil.file), stencil.placement, stencil.unit_mm).corners
+    corners = closed_mesh_corners(stencil, "the stencil mesh")
     grids = {name: _cut_grid(grid, corners) for name, grid in volume.grids.items()}
     if not any(grid.voxel_count for grid in grids.values()):
         what = "no fiber lies inside of the stencil mesh."
         raise InputError(what, path=stencil.file, hint="Check unit_mm and placement.")
     return replace(volume, grids=grids)
+
+
+def closed_mesh_corners(stencil: Stencil, what: str) -> np.ndarray:
+    """Corners of its triangles [mm], shape [n, 3, 3]. Raises `InputError` where `what` is not closed."""
+    mesh = read_mesh(stencil.file)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    if not mesh.is_watertight:
+        hint = "Every edge must belong to two triangles."
+        raise InputError(f"{what} is not closed.", path=stencil.file, hint=hint)
+    return placed(triangles_of(mesh, stencil.file), stencil.placement, stencil.unit_mm).corners
 
 
 def _cut_grid(grid: FiberGrid, corners_mm: np.ndarray) -> FiberGrid:

@@ -1,6 +1,7 @@
 // The three-lobe fiber of phase/fiber.glsl behind the four functions the path tracer calls.
 // Needs from the program: phase_media[] of FiberScattering, and fiber_table[] where a medium is symmetric.
 #include "phase/fiber.glsl"
+#include "path/dye.glsl"
 #constant MEDIUM_COUNT
 
 struct Phase {
@@ -8,15 +9,10 @@ struct Phase {
     FiberLobes lobes;
 };
 
-// Dye absorbs inside of the fiber: `tint` is what it leaves of light that crosses once, so TT is multiplied by it and
-// TRT, which crosses twice, by its square; R never enters the fiber and stays as it is. Chances of the lobes follow.
 Phase phase_at(uint medium, vec3 wo, vec3 tint) {
     // an index known at compile time lets llvmpipe load the constants once per vector of lanes
     FiberScattering s = fiber_at_inclination(phase_media[MEDIUM_COUNT == 1 ? 0u : medium], wo);
-#if VOXEL_COLORS
-    s.energy_tt.rgb *= tint;
-    s.energy_trt.rgb *= tint * tint;
-#endif
+    dye(s, tint);
     return Phase(s, fiber_lobes(s, wo));
 }
 

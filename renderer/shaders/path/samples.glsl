@@ -14,7 +14,8 @@ const uint LENS_DIMENSION = 0xfffffffeu;  // which no path of less than a billio
 // Light met on leaving the volume; a path that ran into nothing sees the background.
 vec3 escaped_radiance(Path p) {
     vec4 environment = environment_eval(p.direction);
-    if (p.bounce == 0u) return background.w > 0.0 ? environment.rgb : background.rgb;
+    // until it meets something a path has throughput 1, but where it saw colored media
+    if (p.bounce == 0u) return p.throughput * (background.w > 0.0 ? environment.rgb : background.rgb);
     return p.throughput * environment.rgb * phase_weight(environment.w, p.phase_pdf);
 }
 
@@ -68,8 +69,12 @@ void start_camera_ray(inout Path p) {
 #endif
     p.phase_pdf = 0.0;
     p.rng.z = 0u;
-    p.depth_left = exponential(random_words(p.rng).x);
+    uvec4 bits = random_words(p.rng);
+    p.depth_left = exponential(bits.x);
     p.next_free = p.depth_left;
+#if EXTINCTION_RGB
+    choose_color(p, bits.y);
+#endif
     vec3 size = vec3(grid_cells * 8);
 #if SURFACES
     p.t = 0.0;

@@ -8,6 +8,8 @@
 #include "path/segments.glsl"
 #constant SAMPLE_LIGHTS
 #constant SAMPLE_PHASE
+#constant OTHER_MEDIA  // than those of fibers on the grid
+#include "generated/collide.glsl"  // medium/collide.glsl; empty where there are none
 
 // Balance heuristic between light sampling and phase function sampling.
 float light_weight(float light_pdf, float phase_pdf) {
@@ -38,10 +40,18 @@ void cut_path(inout Path p) {
 
 void scatter(inout Path p) {
     uvec4 bits = random_words(p.rng);
+#if OTHER_MEDIA
+    Collision with = collide(p, unit_float(bits.x));
+    uint medium = with.medium;
+    vec3 axis = with.axis;
+    vec3 tint = with.tint;
+    mat3 frame = fiber_frame(axis == vec3(0.0) ? vec3(0.0, 1.0, 0.0) : axis);
+#else
     vec3 axis;
     vec3 tint;
     uint medium = choose_medium(p.voxel, p.direction, unit_float(bits.x), axis, tint);
     mat3 frame = fiber_frame(axis);
+#endif
     Phase phase = phase_at(medium, -p.direction * frame, tint);
     if (p.bounce == 0u) {
         film_add_first_scattering(film_place(p.rng.xy), p.t, axis, phase_albedo(phase));

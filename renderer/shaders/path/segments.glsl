@@ -8,6 +8,10 @@
 #constant TRACKING_DELTA
 #constant SURFACES
 #constant FIBER_CORRELATION
+#constant EXTINCTION_RGB
+#if EXTINCTION_RGB
+#include "medium/colors.glsl"
+#endif
 
 #if SURFACES
 const float BEFORE_THE_LIGHT = 0.9999;  // so that a shadow ray does not end in the light's own shape
@@ -31,6 +35,9 @@ void start_segment(inout Path p, vec3 direction) {
 #if FIBER_CORRELATION
     p.run = NO_FIBERS;
 #endif
+#if EXTINCTION_RGB
+    p.depths = vec3(0.0);
+#endif
 #if SURFACES
     if (p.origin_voxel == ON_SURFACE) {
         p.t = 0.0;
@@ -46,6 +53,9 @@ void start_flight(inout Path p) {
     start_segment(p, p.next_direction);
     p.depth_left = p.next_depth;
     p.next_free = p.next_depth;
+#if EXTINCTION_RGB
+    choose_color(p, random_words(p.rng).x);
+#endif
 #if SURFACES
     start_seek(p, NO_END, MODE_FLIGHT);
     if (p.throughput == vec3(0.0)) p.mode = MODE_ESCAPED;
@@ -84,6 +94,13 @@ void end_segment(inout Path p) {
     p.mode = MODE_ESCAPED;
 #if SURFACES
     if (p.triangle != NO_TRIANGLE) p.mode = MODE_SURFACE;
+#endif
+#if EXTINCTION_RGB
+    if (shadow) {
+        p.light *= color_transmittance(p.depths);
+    } else {
+        settle_colors(p, vec3(1.0));
+    }
 #endif
     if (shadow) end_shadow(p, max(exp(p.depth_left - p.shadow_depth), SHADOW_ROULETTE));
 }

@@ -1,11 +1,13 @@
 // The state of one lane, and its place in the state buffer between dispatches. Everything a path depends on is
 // saved bit by bit, so cutting a path into dispatches changes nothing.
-// Needs from the program: states[] (9 uvec4 per lane, 1 more with surfaces, 3 more where fibers are correlated;
+// Needs from the program: states[] (9 uvec4 per lane, 1 more with surfaces, 3 more where fibers are correlated, 1 more where
+// extinction depends on color;
 // `state_words` in renderer/kernel.py), lane_count, seed.
 #include "rng/random.glsl"
 #constant SURFACES
 #include "generated/instancing.glsl"  // SURFACE_INSTANCES; empty where there are no surfaces
 #constant FIBER_CORRELATION
+#constant EXTINCTION_RGB
 #constant BRICK_POOL
 
 // 32 random bits each; moves the sample on by one dimension.
@@ -47,6 +49,9 @@ const uint NO_BRICK = 0xffffffffu;
 #include "medium/fiber_run.glsl"
 const uint CORRELATION_ROW = 9u + uint(SURFACES);
 #endif
+#if EXTINCTION_RGB
+const uint COLOR_ROW = 9u + uint(SURFACES);  // fibers are not correlated there
+#endif
 
 struct Path {
     vec3 origin;         // of the segment [voxels]
@@ -84,6 +89,10 @@ struct Path {
     vec3 left_wo;        // toward where the path came to it from
     float left_gap;      // as far as that is known to be free [voxels]
     FiberRun run;        // what the segment has passed since it last was among no fibers
+#endif
+#if EXTINCTION_RGB
+    vec3 depths;         // optical depth of the segment so far, by color
+    uint color;          // the channel whose depth ends the flight
 #endif
 };
 
@@ -140,6 +149,11 @@ Path load_path(uint lane) {
     p.left_wo = uintBitsToFloat(c1.xyz);
     p.run = FiberRun(uintBitsToFloat(c1.w), uintBitsToFloat(c2.x), uintBitsToFloat(c2.y));
 #endif
+#if EXTINCTION_RGB
+    uvec4 by_color = states[lane + lane_count * COLOR_ROW];
+    p.depths = uintBitsToFloat(by_color.xyz);
+    p.color = by_color.w;
+#endif
     return p;
 }
 
@@ -171,5 +185,8 @@ void store_path(uint lane, Path p) {
         uvec4(floatBitsToUint(p.left_wo), floatBitsToUint(p.run.depth));
     states[lane + lane_count * (CORRELATION_ROW + 2u)] =
         uvec4(floatBitsToUint(p.run.fibers), floatBitsToUint(p.run.own), 0u, 0u);
+#endif
+#if EXTINCTION_RGB
+    states[lane + lane_count * COLOR_ROW] = uvec4(floatBitsToUint(p.depths), p.color);
 #endif
 }

@@ -49,7 +49,7 @@ void meet_light(inout Path p, uint light, vec3 normal) {
     vec3 emitted = front ? entry.rgb : vec3(0.0);
     if (p.bounce == 0u) {
         film_add_first_surface(film_place(p.rng.xy), p.t_end, normal, vec3(0.0));
-        p.radiance += emitted;
+        p.radiance += p.throughput * emitted;
         p.bounce = 1u;
     } else {
         float pdf = entry.w * local_light_pdf(light, p.origin, p.direction * p.t_end);
