@@ -51,6 +51,10 @@ class VariationConfig(BaseModel):
     """Standard deviation of the color's lightness along the yarn, as a part of its mean."""
     color_length_mm: Length = 20.0
     """Distance along the yarn at which the correlation of colors has fallen to 1/e."""
+    yarn_color_sd: float = Field(default=0.0, ge=0, le=1)
+    """The same from yarn to yarn: bobbins of several dye lots."""
+    ply_color_sd: float = Field(default=0.0, ge=0, le=1)
+    """The same from ply to ply: heather and melange."""
 
 
 class WalkHairsConfig(BaseModel):
@@ -195,6 +199,13 @@ class FiberValues(BaseModel):
     """`[fibers.variation]`: slubs, thickness and color noise along the yarn. Default: none."""
     ply_colors: tuple[Color, ...] = Field(default=(), max_length=4096)
     """Linear RGB in 0..1 for each ply, cord after cord; the list repeats. Default: white."""
+    yarn_colors: tuple[Color, ...] = Field(default=(), max_length=4096)
+    """Linear RGB in 0..1 for each yarn, multiplied into its plies' colors: course after course of a knit, end
+    after end of a weave's warp or weft where those are types of their own. The list repeats."""
+    yarn_color_runs: tuple[Annotated[int, Field(ge=1, le=100_000)], ...] = Field(
+        default=(1,), min_length=1, max_length=4096
+    )
+    """How many neighboring yarns take each of `yarn_colors`; the list repeats. [6, 2]: stripes."""
 
     segment_mm: Length | None = None
     """Longest fiber segment, measured along the yarn. Default: from `sagitta_in_fiber_radii`."""

@@ -14,6 +14,7 @@ from .free_hairs import FreeHairShape, free_hair_counts, scaled_free_hairs
 from .migration import migration_phase
 from .plies import PlyShape, cord_phase, phase_at_nodes, ply_phase, scaled_plies, turns_along
 from .variation import YarnPlace, lightness, thickness
+from .yarn_colors import Palette
 from .yarns.catmull_rom import cross
 from .yarns.frames import YarnFrames
 from .yarns.yarns import YarnSet
@@ -162,19 +163,20 @@ def build_seats(
     return seats
 
 
-def build_colors(plans: list[YarnPlan]) -> tuple[np.ndarray, np.ndarray]:
+def build_colors(palettes: list[Palette]) -> tuple[np.ndarray, np.ndarray]:
     """All different color lists one after the other, float32, shape [n, 3], and where each yarn's begins."""
-    lists = dict.fromkeys(plan.config.ply_colors for plan in plans)
+    lists = dict.fromkeys(palettes)
     starts = np.cumsum([0] + [len(colors) for colors in lists])
     begin = dict(zip(lists, starts[:-1].tolist(), strict=True))
     table = np.array([color for colors in lists for color in colors], dtype=np.float32).reshape(-1, 3)
-    return table, np.array([begin[plan.config.ply_colors] for plan in plans])
+    return table, np.array([begin[palette] for palette in palettes])
 
 
 def build_yarns(
     plans: list[YarnPlan],
     seats_per_ply: np.ndarray,
     first_color: np.ndarray,
+    color_count: list[int],
     offsets: np.ndarray,
     dtype: np.dtype,
 ) -> np.ndarray:
@@ -197,7 +199,7 @@ def build_yarns(
             "cords": config.cords,
             "cord_radius": plan.plies.cord_center_radius,
             "first_color": first_color[yarn],
-            "colors": len(config.ply_colors),
+            "colors": color_count[yarn],
             "step": plan.step,
             "center_radius": plan.plies.center_radius,
             "ellipse_short": plan.plies.short,

@@ -34,6 +34,7 @@ from .fiber_report import (
     segment_length,
 )
 from .split_launch import launch_split
+from .yarn_colors import yarn_palettes
 from .yarn_nodes import lay_nodes
 from .yarns.yarns import YarnSet
 
@@ -160,7 +161,8 @@ def run(config: FibersConfig, yarns: YarnSet, *, progress: Progress | None = Non
     refuse_too_many_fibers(plans, details)
     stretches = build_stretches(plans, details, seed, records["stretches"])
     seats = seats_per_ply(plans, stretches)
-    colors, first_color = build_colors(plans)
+    palettes = yarn_palettes(configs, yarns, seed)
+    colors, first_color = build_colors(palettes)
     return FiberSet(
         config=config,
         type_names=yarns.type_names,
@@ -169,7 +171,9 @@ def run(config: FibersConfig, yarns: YarnSet, *, progress: Progress | None = Non
         yarn_reach_mm=np.array([plan.reach for plan in plans]),
         report=report_fibers(plans, yarns, nodes["bend"], details, stretches),
         nodes=nodes,
-        yarns=build_yarns(plans, seats, first_color, laid.offsets, records["yarns"]),
+        yarns=build_yarns(
+            plans, seats, first_color, [len(p) for p in palettes], laid.offsets, records["yarns"]
+        ),
         seats=build_seats(plans, seats, yarns.yarn_type, seed, records["seats"]),
         stretches=stretches,
         free_hairs=yarn_free_hairs(plans, records["free_hairs"]),

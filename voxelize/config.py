@@ -51,9 +51,10 @@ class VoxelizeConfig(BaseModel):
     second_moment: bool = False
     """Also store T, the mean of t t^T over the fiber directions t, as the grids moment_diag (xx, yy, zz) and
     moment_off (xy, xz, yz)."""
-    albedo: bool = False
+    albedo: bool | None = None
     """Also store the mean color of the fibers in each voxel (their plies' colors, with color noise along the
-    yarn) as the grid `albedo`, linear RGB. The renderer takes it as the fibers' dye."""
+    yarn) as the grid `albedo`, linear RGB. The renderer takes it as the fibers' dye.
+    Default: where fibers have colors."""
     levels: int = Field(default=0, ge=0, le=5)
     """Coarser levels to write beside the result, each a volume: 2, 4, 8 ... times the voxel size."""
     level_lobes: Literal[1, 2] = 2
@@ -105,6 +106,10 @@ class VoxelizeConfig(BaseModel):
         step = 10.0 ** (math.floor(math.log10(size)) - 2)
         size = float(f"{math.floor(size / step) * step:.3g}")
         return self.model_copy(update={"voxel_size_mm": size, "voxels_per_pixel": None})
+
+    def colored(self, has_colors: bool) -> VoxelizeConfig:
+        """The same with `albedo` decided, for fibers that have colors or none."""
+        return self if self.albedo is not None else self.model_copy(update={"albedo": has_colors})
 
     def sized(self, fiber_radius_mm: Sequence[float]) -> VoxelizeConfig:
         """The same with its voxel size in mm, for fibers of these radii."""

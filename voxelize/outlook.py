@@ -67,7 +67,7 @@ def foresee(config: VoxelizeConfig, fibers: FiberSet, *, seconds: float = TRIED_
 
 def foresee_source(config: VoxelizeConfig, source: Source, *, seconds: float = TRIED_SECONDS) -> Outlook:
     """`foresee` for any source."""
-    config = config.sized(source.fiber_radius_mm)
+    config = config.sized(source.fiber_radius_mm).colored(source.has_colors)
     region = checked_region(config, source)
     bound = brick_bound(config, source, region)
     tile_voxels, workers = fit_tiles(

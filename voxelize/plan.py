@@ -104,4 +104,6 @@ def plan_tiles(config: VoxelizeConfig, source: Source, region: VoxelBox, tile_vo
             items = members[work.items]
             jobs.append(TileJob(medium, replace(work, items=items), int(cost[items].sum())))
     lines = fiber_lines(config, source)
-    return TilePlan(config.size_mm, region, tile_voxels, jobs, lines, config.second_moment, config.albedo)
+    return TilePlan(
+        config.size_mm, region, tile_voxels, jobs, lines, config.second_moment, bool(config.albedo)
+    )

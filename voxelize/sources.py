@@ -50,6 +50,10 @@ class Source(Protocol):
     def cost(self) -> np.ndarray:
         """About how much work each item is, for the progress, shape [item_count]."""
 
+    @property
+    def has_colors(self) -> bool:
+        """Whether any fiber is not white."""
+
     def fingerprint(self) -> str:
         """A hash of everything that decides the items."""
 
@@ -77,6 +81,12 @@ class FiberSource:
         body = fibers.stretches["segments"] + 1
         self._strand_points = np.stack([body, np.full_like(body, fibers.config.hair_segments + 1)], axis=1)
 
+    @property
+    def has_colors(self) -> bool:
+        from weft.fiber_model.fiber_colors import has_colors
+
+        return has_colors(self._fibers)
+
     def fingerprint(self) -> str:
         """Over all that the set holds, but for its report."""
         names = [field.name for field in fields(self._fibers) if field.name != "report"]
@@ -98,9 +108,8 @@ class FiberSource:
         import warp as wp
 
         from weft.fiber_model.color_kernels import colors_kernel
-        from weft.fiber_model.fiber_colors import has_colors
 
-        if not has_colors(self._fibers):
+        if not self.has_colors:
             return
         before = np.cumsum(self._points[work.items]) // POINTS_AT_ONCE
         starts = np.flatnonzero(np.diff(before, prepend=-1))
@@ -155,6 +164,7 @@ class SegmentSource:
     def __init__(self, segments: np.ndarray, *, fiber_radius_mm: float, medium: str = "fiber") -> None:
         self.media = (medium,)
         self.fiber_radius_mm = (fiber_radius_mm,)
+        self.has_colors = False
         self._segments = np.ascontiguousarray(segments, dtype=np.float32)
         self._starts = np.arange(0, len(segments), SEGMENTS_PER_BLOCK)
 

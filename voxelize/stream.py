@@ -80,7 +80,7 @@ def stream_source(
 ) -> VolumeOnDisk:
     """`voxelize_to_files` for any source."""
     began = time.perf_counter()
-    config = config.sized(source.fiber_radius_mm)
+    config = config.sized(source.fiber_radius_mm).colored(source.has_colors)
     size, region = config.size_mm, checked_region(config, source)
     bricks = brick_bound(config, source, region)
     if any(path.suffix == ".nvdb" for path in paths):
@@ -91,7 +91,7 @@ def stream_source(
         tile_voxels=config.tile_voxels,
         workers=worker_count or len(os.sched_getaffinity(0)),
         memory_mb=config.memory_mb,
-        albedo=config.albedo,
+        albedo=bool(config.albedo),
     )
     plan = plan_tiles(config, source, region, tile_voxels)
     folder = PartFolder(parts_folder(paths[0]), _key(config, source, tile_voxels))

@@ -66,7 +66,7 @@ def voxelize_source(
 ) -> FiberVolume:
     """Plan the tiles, check that the result fits, fill them, and join their bricks."""
     began = time.perf_counter()
-    config = config.sized(source.fiber_radius_mm)
+    config = config.sized(source.fiber_radius_mm).colored(source.has_colors)
     workers = worker_count or len(os.sched_getaffinity(0))
     region = checked_region(config, source)
     refuse_what_does_not_fit(

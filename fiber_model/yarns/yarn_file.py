@@ -17,8 +17,8 @@ from .yarns import YarnSet
 SCHEMA = "weft.yarns"
 SCHEMA_VERSION = 1
 REQUIRED = ("points", "offsets", "closed", "radius", "yarn_type", "type_names")
-OPTIONAL = ("twist", "surface_uv")
-KINDS = {"schema": "U", "type_names": "U", "offsets": "iu", "yarn_type": "iu"}
+OPTIONAL = ("twist", "surface_uv", "row")
+KINDS = {"schema": "U", "type_names": "U", "offsets": "iu", "yarn_type": "iu", "row": "iu"}
 """numpy's letters for the kinds of value that an array may hold; all others hold numbers."""
 MAX_COMPRESSION = 1100
 """Deflate never does better than 1032 to 1; a member that claims more is damaged."""

@@ -51,6 +51,9 @@ class YarnSet:
     """Material twist against the rotation-minimizing frame [rad], float64, shape [point_count]."""
     surface_uv: np.ndarray | None = None
     """Surface coordinates of each point [1], float64, shape [point_count, 2]."""
+    row: np.ndarray | None = None
+    """Number of each yarn among those of its type in the pattern it was cut from, int64, shape [yarn_count];
+    stripes go by it. None: yarns are counted as they come."""
     report: GarmentReport | None = field(default=None, compare=False)
     """What was found out when the yarns were laid on a mesh; not stored in files."""
 
@@ -137,7 +140,17 @@ def concatenate(yarn_sets: Sequence[YarnSet]) -> YarnSet:
         surface_uv=_joined(
             [yarns.surface_uv for yarns in yarn_sets], [(y.point_count, 2) for y in yarn_sets], 0.0
         ),
+        row=_joined([yarns.row for yarns in yarn_sets], [(y.yarn_count,) for y in yarn_sets], 0),
     )
+
+
+def rows_within_types(yarn_type: np.ndarray) -> np.ndarray:
+    """How many yarns of the same type come before each, int64."""
+    rows = np.empty(len(yarn_type), np.int64)
+    for kind in np.unique(yarn_type):
+        own = yarn_type == kind
+        rows[own] = np.arange(own.sum())
+    return rows
 
 
 def refuse_too_many_points(count: int, what: str, *, path: str | Path | None = None) -> None:
@@ -146,8 +159,10 @@ def refuse_too_many_points(count: int, what: str, *, path: str | Path | None = N
         raise InputError(f"{what} would have {count:,} control points; at most {MAX_POINTS:,} fit", path=path)
 
 
-def _joined(parts: list[np.ndarray | None], shapes: list[tuple[int, ...]], fill: float) -> np.ndarray | None:
-    """Concatenate optional per-point arrays; None where nobody has one, `fill` where only some do."""
+def _joined(
+    parts: list[np.ndarray | None], shapes: Sequence[tuple[int, ...]], fill: float
+) -> np.ndarray | None:
+    """Concatenate optional arrays; None where nobody has one, `fill` where only some do."""
     if all(part is None for part in parts):
         return None
     return np.concatenate(
@@ -165,6 +180,7 @@ def _normalize_dtypes(yarns: YarnSet) -> None:
         "yarn_type": np.int32,
         "twist": np.float64,
         "surface_uv": np.float64,
+        "row": np.int64,
     }
     for name, dtype in dtypes.items():
         value = getattr(yarns, name)
@@ -188,6 +204,7 @@ def _check_shapes(yarns: YarnSet) -> None:
         "yarn_type": (yarns.yarn_count,),
         "twist": (len(points),),
         "surface_uv": (len(points), 2),
+        "row": (yarns.yarn_count,),
     }
     for name, shape in expected.items():
         value = getattr(yarns, name)

@@ -106,3 +106,10 @@ def test_files_keep_it(plies, tmp_path):
     assert "albedo" in names
     # coarser levels have no colors
     assert vdb.read_volume(tmp_path / "a_level1.vdb").grids["yarn"].albedo is None
+
+
+def test_colors_are_stored_where_there_are_any(fibers, plies):
+    plain = VoxelizeConfig(voxel_size_mm=0.1)
+    assert run(plain, plies).grids["yarn"].albedo is not None
+    assert run(plain, colored(fibers)).grids["yarn"].albedo is None
+    assert run(VoxelizeConfig(voxel_size_mm=0.1, albedo=False), plies).grids["yarn"].albedo is None

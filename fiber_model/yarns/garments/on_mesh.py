@@ -12,7 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from weft.fiber_model.yarns.catmull_rom import norm
-from weft.fiber_model.yarns.yarns import YarnSet, concatenate, refuse_too_many_points
+from weft.fiber_model.yarns.yarns import (
+    YarnSet,
+    concatenate,
+    refuse_too_many_points,
+    rows_within_types,
+)
 from weft.files.errors import InputError
 
 from .chart_clip import Pieces, clip_to_chart
@@ -94,6 +99,7 @@ def lay_on_mesh(
         type_names=names,
         surface_uv=joined.uv,
     )
+    yarns = replace(yarns, row=laid.row[joined.first_piece])
     if hem_mm > 0:
         yarns = _hemmed(mesh, yarns, laid, hem_mm, offset_mm)
     return replace(yarns, report=report_garment(mesh, fitted, yarns, laid, joined))
@@ -117,6 +123,8 @@ class Laid:
     """Yarn radius [mm], float64, shape [piece_count]."""
     yarn_type: np.ndarray
     """Index into `type_names`, int32, shape [piece_count]."""
+    row: np.ndarray
+    """Number of the yarn in the flat pattern, among those of its type, int64, shape [piece_count]."""
     type_names: tuple[str, ...]
     chord_length_mm: tuple[float, float]
     """Length of all pieces along their chords: on the flat cloth, and on the surface."""
@@ -130,7 +138,7 @@ class Laid:
         offsets = [part.offsets[:-1] + start for part, start in zip(parts, starts[:-1], strict=True)]
         arrays = {
             name: np.concatenate([getattr(part, name) for part in parts])
-            for name in ("points", "uv", "is_cut", "closed", "radius", "yarn_type")
+            for name in ("points", "uv", "is_cut", "closed", "radius", "yarn_type", "row")
         }
         return cls(
             **arrays,
@@ -186,6 +194,7 @@ def _laid(
         closed=flat.closed[pieces.yarn],
         radius=flat.radius[pieces.yarn],
         yarn_type=flat.yarn_type[pieces.yarn],
+        row=rows_within_types(flat.yarn_type)[pieces.yarn],
         type_names=flat.type_names,
         chord_length_mm=(
             _chord_length(pieces.points, pieces.offsets),
