@@ -7,6 +7,7 @@ needs them, never at the top of a file.
 from __future__ import annotations
 
 import errno
+import math
 import os
 import signal
 import sys
@@ -15,7 +16,7 @@ from typing import Any
 
 from cyclopts import CycloptsError
 
-from weft.files.errors import DiskSpaceError, InputError
+from weft.files.errors import DeviceMemoryError, DiskSpaceError, InputError
 
 from .commands import lobes, looking, machine, shares, stages, view  # noqa: F401  each adds its commands to the app
 from .commands.app import app
@@ -52,6 +53,8 @@ def exit_code(arguments: Sequence[str]) -> int:
         return _complain(str(stop) or "weft: interrupted", INTERRUPTED)
     except Terminated as stop:
         return _complain(str(stop) or "weft: terminated", TERMINATED)
+    except MemoryError as error:
+        return _complain(_lack_of_memory(error), DeviceMemoryError.exit_code)
     except BrokenPipeError:
         sys.stderr.close()
         return DONE
@@ -66,6 +69,20 @@ def exit_code(arguments: Sequence[str]) -> int:
 def _command(arguments: Sequence[str]) -> Callable[[], Any]:
     command, bound, _ = app.parse_args(list(arguments), exit_on_error=False, print_error=False)
     return lambda: command(*bound.args, **bound.kwargs)
+
+
+def _lack_of_memory(error: MemoryError) -> str:
+    """Of the machine: what numpy wished for, and what there is."""
+    from weft.files.machine_memory import available_memory_bytes
+
+    shape, dtype = getattr(error, "shape", None), getattr(error, "dtype", None)
+    needed = "more memory than this machine has"
+    if shape is not None and dtype is not None:
+        needed = f"{math.prod(shape) * dtype.itemsize} bytes more of memory"
+    return (
+        f"weft: this needs {needed}; {available_memory_bytes()} bytes are available. "
+        "Raise voxelize.voxel_size_mm, set render.brick_pool_mb, or ask for fewer pixels."
+    )
 
 
 def _complain(message: str, code: int) -> int:

@@ -26,8 +26,6 @@ from .progress import Progress, ProgressReport, Watch
 from .scene import Scene
 
 PIXELS_PER_PASS = 1 << 20
-FILM_BYTES = 1 << 27
-"""Of the sums on the device: the smallest storage block that OpenGL 4.3 guarantees."""
 TRIAL_SAMPLES = 8
 """Samples per pixel by which `noise` and `time_s` decide how many are taken."""
 FIRST_TRIAL_SAMPLE = 1 << 24
@@ -134,7 +132,8 @@ class Exposure:
 
     def _windows(self) -> list[Window]:
         width = self.config.window[2]
-        rows = self.kernel.options.rows_per_pass or max(1, PIXELS_PER_PASS // width)
+        room = self.kernel.film_bytes // (self.scene.film_layers * 16)
+        rows = self.kernel.options.rows_per_pass or max(1, min(PIXELS_PER_PASS, room) // width)
         wished = self.share.windows or planned_windows(self.config.window, rows)
         return [tile for window in wished for tile in self.kernel.tiles(window)]
 
@@ -209,7 +208,7 @@ class Exposure:
         if tile.until >= self.last:
             return None
         size = self.config.block_samples
-        room = FILM_BYTES // (self.scene.film_layers * 16 * tile.pixel_count)
+        room = self.kernel.film_bytes // (self.scene.film_layers * 16 * tile.pixel_count)
         blocks = self.kernel.options.blocks_per_pass or max(1, room)
         return Pass(tile.window, range(tile.until, min((tile.until // size + blocks) * size, self.last)))
 

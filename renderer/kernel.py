@@ -15,6 +15,7 @@ from weft.files.errors import DeviceMemoryError
 from .batches import RenderBatch
 from .brick_pool import BrickPool
 from .gpu import buffers
+from .gpu.device_memory import is_software, named_block_bytes
 from .gpu.programs import compute_program, set_uniforms
 from .heartbeat import dispatching
 from .pager import BrickPager, pool_capacity
@@ -41,12 +42,16 @@ COUNTERS = (
 )
 BUSY_LANES, WAITING_LANES = len(COUNTERS), len(COUNTERS) + 1
 """Where the kernel counts lanes that are not done, and those of them that wait for a brick."""
+VOXELS, PATHS = "the voxels", "the paths under way"
+"""What an error calls these buffers."""
 MAX_VOXEL_PAGES = 8
 FIRST_PAGE_BINDING = 7
 STORAGE_BLOCKS = 8
 """Storage buffers of a compute program that OpenGL 4.3 guarantees."""
 LOOP_BUDGET = 16_384
 """Iterations of all loops per invocation and dispatch; llvmpipe silently stops a shader's loops at 65,535."""
+FILM_BYTES = 1 << 27
+"""Of the sums on the device, at most: the smallest storage block that OpenGL 4.3 guarantees."""
 SLOWEST_SAMPLING_LOOP = 8
 """Iterations of the phase function's rejection loop that the budget allows for, per round, on average."""
 
@@ -67,7 +72,7 @@ class KernelOptions:
     rows_per_pass: int | None = None
     """Rows of the picture whose sums are on the device at once; unset: about a million pixels."""
     blocks_per_pass: int | None = None
-    """Blocks of samples that are done together; unset: as many as have room in `FILM_BYTES`."""
+    """Blocks of samples that are done together; unset: as many as there is room for."""
 
 
 @dataclass
@@ -105,6 +110,8 @@ class Kernel:
         self.rounds = min(self.options.rounds_per_dispatch or 4, self.most_rounds)
         self.lights, self.media = self._upload_lights(), self._upload_media()
         self.film: moderngl.Buffer | None = None
+        self._reserve_states()
+        self._reserve_film()
         self.work = Pass((0, 0, 0, 0), range(0))
         self.busy = False
         self.batches: dict[Window, RenderBatch] = {}
@@ -180,7 +187,7 @@ class Kernel:
         """Film sums so far of each block of the pass, float32, [block_count, layer_count, pixel_count, 4]."""
         assert self.film is not None
         shape = (self._block_count(self.work), self.scene.film_layers, self.work.pixel_count, 4)
-        return buffers.read(self.film, np.float32)[: math.prod(shape)].reshape(shape)
+        return buffers.read(self.film, np.float32, byte_count=4 * math.prod(shape)).reshape(shape)
 
     def state(self) -> PassState:
         """All that continues the pass bit by bit, also in another process on the same device."""
@@ -220,12 +227,32 @@ class Kernel:
         )
         self.busy = True
 
+    @property
+    def film_bytes(self) -> int:
+        """Room for the sums of a pass."""
+        assert self.film is not None
+        return self.film.size
+
+    def _reserve_film(self) -> None:
+        """Room for the whole picture, within `FILM_BYTES`, or for as much of it as the device can hold."""
+        _, _, width, height = self.scene.config.window
+        row = self.scene.film_layers * 16 * width
+        blocks = -(-self.scene.config.samples_per_pixel // self.scene.config.block_samples)
+        wished = max(min(row * height * blocks, FILM_BYTES), row)
+        while self.film is None:
+            try:
+                self.film = buffers.reserve(self.context, wished, name="the sums of the picture")
+            except buffers.BufferRefused:
+                if wished == row:
+                    raise
+                wished = max(wished // 2, row)
+
     def _fill_film(self, sums: np.ndarray) -> None:
         if self.film is None or self.film.size < sums.nbytes:
             if self.film is not None:
                 self.film.release()
                 self.film = None
-            self.film = buffers.reserve(self.context, sums.nbytes, name="the film")
+            self.film = buffers.reserve(self.context, sums.nbytes, name="the sums of the picture")
         self.film.write(np.ascontiguousarray(sums))
 
     def advance(self) -> int:
@@ -285,18 +312,19 @@ class Kernel:
                 f"render: {capacity or len(pool.voxels)} bricks need {needed} buffers; there are {most}.",
                 hint="Set a smaller render.brick_pool_mb, or raise voxelize.voxel_size_mm.",
             )
+        if capacity is None:
+            buffers.refuse_what_has_no_room(ctx, len(pool.voxels) * 4 * pool.brick_words, name=VOXELS)
         self.pager = None if capacity is None else BrickPager(ctx, self.scene, capacity, records, page_bricks)
         self.cells = buffers.upload(ctx, pool.cells, name="the cells")
         if self.pager is None:
             self.pages = [
-                buffers.upload(ctx, pool.voxels[start : start + page_bricks], name="the voxels")
+                buffers.upload(ctx, pool.voxels[start : start + page_bricks], name=VOXELS)
                 for start in range(0, len(pool.voxels), page_bricks)
             ]
             self.bricks = buffers.upload(ctx, records, name="the bricks")
         else:
             self.pages, self.bricks = self.pager.pages, self.pager.bricks
         self.device_bytes = sum(buffer.size for buffer in (self.cells, self.bricks, *self.pages))
-        self._reserve_states()
         self.counters = buffers.upload(ctx, np.zeros(WAITING_LANES + 1, np.uint32), name="the counters")
 
     def _reserve_states(self) -> None:
@@ -304,7 +332,7 @@ class Kernel:
         self.state_words = STATE_WORDS + (self.scene.surfaces is not None) + CORRELATION_WORDS * correlated
         self.state_words += COLOR_WORDS * self.scene.colored
         size = self.lane_count * self.state_words * 16
-        self.states = buffers.reserve(self.context, size, name="the paths")
+        self.states = buffers.reserve(self.context, size, name=PATHS)
 
     def _upload_lights(self) -> moderngl.Buffer:
         return buffers.upload(self.context, self.scene.tables, name="the lights and surfaces")
@@ -376,11 +404,6 @@ class Kernel:
         self.program.release()
 
 
-def is_software(context: moderngl.Context) -> bool:
-    """Whether the processor does the device's work."""
-    return any(name in context.info["GL_RENDERER"].lower() for name in ("llvmpipe", "softpipe", "swrast"))
-
-
 def default_lane_count(context: moderngl.Context) -> int:
     """Enough lanes to fill the device; few where the processor does the work, to share its caches."""
     return 1 << 10 if is_software(context) else 1 << 18
@@ -442,7 +465,5 @@ def _page_limit(limits: Mapping[str, int]) -> int:
 
 def _bricks_per_page(context: moderngl.Context, brick_bytes: int) -> int:
     """A power of two of bricks that fits one storage block of this driver, and 31-bit byte offsets."""
-    block = int(context.info.get("GL_MAX_SHADER_STORAGE_BLOCK_SIZE") or buffers.STORAGE_BLOCK_BYTES)
-    block %= 1 << 32  # 4 GiB - 1 arrives as -1
-    bricks = min(max(block, buffers.STORAGE_BLOCK_BYTES), 1 << 30) // brick_bytes
+    bricks = min(named_block_bytes(context), 1 << 30) // brick_bytes
     return 1 << (bricks.bit_length() - 1)

@@ -16,8 +16,9 @@ from weft.voxelize.grid import FiberVolume
 
 from .camera import CameraFrame
 from .config import Light, RenderConfig
-from .kernel import Kernel, KernelOptions
+from .kernel import KernelOptions
 from .passes import Pass
+from .room import kernel_that_fits
 from .scene import Scattering, Scene, build_phase_table, build_scene, lit_scene
 
 FIRST_SECONDS = 0.15
@@ -69,8 +70,10 @@ class ProgressiveRender:
         config = config.model_copy(
             update={"crop": None, "noise": None, "time_s": None, "block_samples": 4096}
         )
-        self.scene = build_scene(config, volume, scattering)
-        self.kernel = Kernel(shared_context(), self.scene, options or KernelOptions(dispatch_seconds=0.05))
+        scene = build_scene(config, volume, scattering)
+        options = options or KernelOptions(dispatch_seconds=0.05)
+        self.kernel = kernel_that_fits(shared_context(), scene, options)
+        self.scene = self.kernel.scene
         self.paths_per_second = FIRST_GUESS
 
     def look(self, camera: CameraFrame, resolution: tuple[int, int]) -> None:

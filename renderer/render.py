@@ -17,8 +17,9 @@ from .config import RenderConfig
 from .exposure import WHOLE, Exposure, Keeping, Share, never
 from .identity import picture_origin, scene_identity
 from .image import write_exr, write_preview
-from .kernel import Kernel, KernelOptions
+from .kernel import KernelOptions
 from .progress import Progress, Watch
+from .room import kernel_that_fits, what_was_made_smaller
 from .scene import Scattering, build_scene
 
 Stopping = AbstractContextManager[Callable[[], bool]]
@@ -52,6 +53,8 @@ class RenderStatistics:
     """Different bricks among them."""
     waiting_lanes: int = 0
     """Paths that waited for a brick when a dispatch ended, summed over the dispatches."""
+    made_smaller: str = ""
+    """What the device had no room for, in words; the bits are those of a device that has."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def run(
     started = time.perf_counter()
     scene = build_scene(config, volume, scattering)
     context = shared_context()
-    kernel = Kernel(context, scene, options or KernelOptions())
+    kernel = kernel_that_fits(context, scene, options or KernelOptions())
     identity = None
     if keeping is not None:
         identity = scene_identity(scene, volume.content_sha256, device_name(context))
@@ -101,7 +104,7 @@ def run(
         with stopping as stop:
             exposure = Exposure(
                 kernel,
-                scene,
+                kernel.scene,
                 identity=identity,
                 origin=picture_origin(config, device_name(context)),
                 keeping=keeping,
@@ -130,6 +133,7 @@ def run(
         brick_uploads=counts.brick_uploads,
         bricks_used=counts.bricks_used,
         waiting_lanes=counts.waiting_lanes,
+        made_smaller=what_was_made_smaller(scene, kernel),
     )
     return RenderResult(config, film.layers(scene.pool.voxel_size_mm), statistics, complete)
 

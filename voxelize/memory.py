@@ -10,6 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from weft.files.errors import InputError
+from weft.files.machine_memory import available_memory_bytes
 
 from .grid import BRICK_SIZE, BRICK_VOXELS
 from .tile_sums import SUM_BYTES
@@ -30,37 +31,11 @@ ALBEDO_BYTES = BRICK_VOXELS * (32 + 3 * 12 + 24)
 SMALLEST_TILE = 16
 """Voxels along the edge; smaller tiles would make every strand tens of times."""
 
-CGROUP = Path("/sys/fs/cgroup")
-
 COPIES = 2.3
 """How often the bricks are held at the worst moment: here, and as a tree while a file is written."""
 
 MAX_CELL_PAIRS = 2_000_000
 """Pairs of box and cell looked at in the estimate; larger cells are taken until there are fewer."""
-
-
-def available_memory_bytes() -> int:
-    """What can be had without swapping: /proc/meminfo, and the limit of the control group if there is one."""
-    amounts = [_proc_available(), _cgroup_available("memory.max", "memory.current")]
-    amounts.append(_cgroup_available("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"))
-    known = [amount for amount in amounts if amount is not None]
-    return min(known) if known else 2**62
-
-
-def _proc_available() -> int | None:
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-    except OSError:
-        return None
-    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")), None)
-
-
-def _cgroup_available(limit_name: str, usage_name: str) -> int | None:
-    try:
-        limit, usage = (CGROUP / limit_name).read_text().strip(), (CGROUP / usage_name).read_text().strip()
-    except OSError:
-        return None
-    return None if limit == "max" else max(int(limit) - int(usage), 0)
 
 
 def estimate_brick_count(bounds_mm: np.ndarray, *, voxel_size_mm: float, region: VoxelBox) -> float:

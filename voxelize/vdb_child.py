@@ -19,8 +19,8 @@ from typing import IO, Any
 import numpy as np
 
 from weft.files.errors import InputError
+from weft.files.machine_memory import available_memory_bytes
 
-from .memory import available_memory_bytes
 from .openvdb_library import extension
 
 ARRAYS: dict[str, Any] = {"origins": np.dtype("<i4"), "masks": np.dtype("<u8"), "values": np.dtype("<f4")}

@@ -20,10 +20,10 @@ from typing import IO
 import numpy as np
 
 from weft.files.errors import InputError
+from weft.files.machine_memory import available_memory_bytes
 
 from .grid import BRICK_VOXELS, CHANNELS
 from .grid_files import GRID_NAMES
-from .memory import available_memory_bytes
 from .openvdb_library import extension
 from .vdb import checked_voxel_size, read_summaries
 

@@ -167,10 +167,19 @@ def test_usage_mistakes_are_one_line_and_exit_code_2(capsys):
         assert line.startswith("weft: ")
 
 
+def too_large_an_array():
+    try:
+        return np.empty((2**25, 2**27), np.float64)  # more than any machine can address
+    except MemoryError as error:
+        return error
+
+
 @pytest.mark.parametrize(
     ("error", "code", "message"),
     [
         (DeviceMemoryError("the grid needs 3.1 GiB but the device offers 2.0 GiB"), 4, "3.1 GiB"),
+        (MemoryError(), 4, "this needs more memory than this machine has; "),
+        (too_large_an_array(), 4, "this needs 36028797018963968 bytes more of memory; "),
         (OSError(errno.ENOSPC, "No space left on device", "volume.vdb"), 5, "volume.vdb: no space left"),
         (KeyboardInterrupt(), 130, "weft: interrupted"),
     ],

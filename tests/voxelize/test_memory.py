@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from weft.files import machine_memory
 from weft.files.errors import InputError
 from weft.voxelize import memory
 from weft.voxelize.config import VoxelizeConfig
@@ -69,7 +70,7 @@ def test_refusal_when_the_machine_is_full(fibers, monkeypatch):
 def test_a_control_group_limits_the_memory(tmp_path, monkeypatch):
     (tmp_path / "memory.max").write_text("5000000\n")
     (tmp_path / "memory.current").write_text("3000000\n")
-    monkeypatch.setattr(memory, "CGROUP", tmp_path)
-    assert memory.available_memory_bytes() == 2_000_000
+    monkeypatch.setattr(machine_memory, "CGROUP", tmp_path)
+    assert machine_memory.available_memory_bytes() == 2_000_000
     (tmp_path / "memory.max").write_text("max\n")
-    assert memory.available_memory_bytes() > 2**26
+    assert machine_memory.available_memory_bytes() > 2**26
