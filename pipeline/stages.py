@@ -351,6 +351,7 @@ LOBE_CODE = (
     "fiber_model/scattering/phase.py",
     "fiber_model/scattering/symmetric.py",
     "fiber_model/scattering/azimuthal.py",
+    "fiber_model/scattering/azimuthal_table.py",
     "fiber_model/scattering/longitudinal.py",
     "fiber_model/scattering/parameters.py",
 )

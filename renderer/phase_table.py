@@ -11,7 +11,7 @@ from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.errors import InputError
 
 from .gpu.shader_source import Constant
-from .scattering_block import grazing_share, pack_scattering, pack_symmetric_tables, symmetric_share
+from .scattering_block import pack_scattering, pack_tables, phase_constants
 from .simple_phases import SimplePhase, flake_roughness, pack_simple, simple_constants
 
 __all__ = ["PhaseTable", "Scattering", "build_phase_table"]
@@ -58,13 +58,9 @@ def build_phase_table(
 
 
 def _fiber_phase_table(fibers: list[FiberScatteringParameters]) -> PhaseTable:
-    """The media, then the tables of the symmetric ones: in one buffer, since OpenGL 4.3 promises eight."""
-    tables = pack_symmetric_tables(fibers)
-    constants = {
-        "MEDIUM_COUNT": len(fibers),
-        "FIBER_SYMMETRIC": symmetric_share(fibers),
-        "FIBER_GRAZING": grazing_share(fibers),
-    }
+    """The media, then their tables: in one buffer, since OpenGL 4.3 promises eight."""
+    tables = pack_tables(fibers)
+    constants = {"MEDIUM_COUNT": len(fibers)} | phase_constants(fibers)
     block = (
         '#include "phase/fiber_block.glsl"\n#constant MEDIUM_COUNT\n'
         "layout(std430, binding = 6) readonly buffer PhaseMedia {\n"
@@ -77,7 +73,7 @@ def _fiber_phase_table(fibers: list[FiberScatteringParameters]) -> PhaseTable:
 def _mixed_phase_table(fibers: list[FiberScatteringParameters], others: Sequence[SimplePhase]) -> PhaseTable:
     """Fibers for every medium (any for the others), and behind their tables simple rows for every medium."""
     filled = _fiber_phase_table([*fibers, *(fibers[0] for _ in others)])
-    table_rows = len(pack_symmetric_tables([*fibers, *(fibers[0] for _ in others)]))
+    table_rows = len(pack_tables([*fibers, *(fibers[0] for _ in others)]))
     no_rows = np.array([[0, 0, 0, -1], [0, 0, 0, 0]] * len(fibers), np.float32)
     rows = np.concatenate([no_rows, pack_simple(others)])
     return PhaseTable(

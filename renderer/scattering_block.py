@@ -18,11 +18,12 @@ from weft.fiber_model.scattering.longitudinal import gaussian_normalization
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.fiber_model.scattering.phase import longitudinal_widths
 
+from .azimuthal_block import azimuthal_row_count, azimuthal_rows, table_shape
 from .symmetric_table import TABLE_ROWS, symmetric_table, table_constants_glsl
 
 NORMALIZATION_TERMS = 8
 KINDS = {"gaussian": 0.0, "vmf": 1.0, "symmetric": 2.0}
-UNIFORM, WRAPPED_IMAGES, WRAPPED_SERIES, VON_MISES = 0.0, 1.0, 2.0, 3.0
+UNIFORM, WRAPPED_IMAGES, WRAPPED_SERIES, VON_MISES, TABULATED = 0.0, 1.0, 2.0, 3.0, 4.0
 WIDEST_IMAGE_SUM = 1.4
 """gamma [rad] up to which three Gaussians give the wrapped normal to 1e-9; beyond, four cosines do."""
 
@@ -45,9 +46,13 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
     (
         "around_trt",
         1,
-        "same; kind: 0 uniform, 1 wrapped normal (images), 2 (series), 3 von Mises",
+        "same; kind: 0 uniform, 1 wrapped normal (images), 2 (series), 3 von Mises, 4 table",
     ),
-    ("table", 1, "x: the medium's first row of fiber_table[], for symmetric"),
+    (
+        "table",
+        1,
+        "first row of fiber_table[] x: for symmetric, y: for tables of N, with z cells and w rows; z 0: none",
+    ),
     ("grow_width", 1, "beta for light along the fiber, less width; w: 1 where anything grows"),
     ("grow_around", 1, "gamma of TT and TRT for light along the fiber, less that at normal incidence"),
     ("grow_tt", 1, "rgb: C_TT T for light along the fiber, less energy_tt"),
@@ -75,17 +80,20 @@ def fiber_block_glsl() -> str:
 def pack_scattering(media: Sequence[FiberScatteringParameters]) -> NDArray[np.float32]:
     """One row of floats per medium, [medium_count, FLOATS_PER_MEDIUM], for a buffer of FiberScattering."""
     rows = np.zeros((len(media), FLOATS_PER_MEDIUM), dtype=np.float32)
-    table_row = 0
+    table_row, around_row = 0, TABLE_ROWS * sum(one.longitudinal == "symmetric" for one in media)
     for row, parameters in zip(rows, media, strict=True):
-        values = block_values(parameters) | {"table": np.array([[table_row, 0.0, 0.0, 0.0]])}
+        cells, lights = table_shape(parameters)
+        values = block_values(parameters) | {"table": np.array([[table_row, around_row, cells, lights]])}
         table_row += TABLE_ROWS * (parameters.longitudinal == "symmetric")
+        around_row += azimuthal_row_count(parameters)
         row[:] = np.concatenate([values[name].ravel() for name, _, _ in FIELDS])
     return rows
 
 
-def pack_symmetric_tables(media: Sequence[FiberScatteringParameters]) -> NDArray[np.float32]:
-    """Rows of fiber_table[], [TABLE_ROWS x symmetric media, 4], in the order of the media."""
+def pack_tables(media: Sequence[FiberScatteringParameters]) -> NDArray[np.float32]:
+    """Rows of fiber_table[], [rows, 4]: of the symmetric media, then tables of N, as the media come."""
     tables = [symmetric_table(one) for one in media if one.longitudinal == "symmetric"]
+    tables += [azimuthal_rows(one) for one in media if azimuthal_row_count(one)]
     return np.concatenate([np.zeros((0, 4)), *tables]).astype(np.float32)
 
 
@@ -100,6 +108,20 @@ def grazing_share(media: Sequence[FiberScatteringParameters]) -> int:
     return int(any(one.varies_with_angle for one in media))
 
 
+def tabulated_share(media: Sequence[FiberScatteringParameters]) -> int:
+    """The constant FIBER_TABULATED: 1 where a medium has tables of N."""
+    return int(any(azimuthal_row_count(one) for one in media))
+
+
+def phase_constants(media: Sequence[FiberScatteringParameters]) -> dict[str, int]:
+    """What phase/fiber.glsl is compiled for: code that no medium needs is left out."""
+    return {
+        "FIBER_SYMMETRIC": symmetric_share(media),
+        "FIBER_GRAZING": grazing_share(media),
+        "FIBER_TABULATED": tabulated_share(media),
+    }
+
+
 def block_values(parameters: FiberScatteringParameters) -> dict[str, Row]:
     """The fields by name, each [count, 4] in float64."""
     t = parameters.fresnel_tt
@@ -111,8 +133,8 @@ def block_values(parameters: FiberScatteringParameters) -> dict[str, Row]:
         "energy_tt": _vec4(np.multiply(parameters.color_tt, t)),
         "energy_trt": _vec4(np.multiply(parameters.color_trt, 1 - t)),
         "width": _vec4(betas, KINDS[kind]),
-        "around_tt": _azimuthal(parameters.azimuthal, parameters.azimuthal_width_tt),
-        "around_trt": _azimuthal(parameters.azimuthal, parameters.azimuthal_width_trt),
+        "around_tt": _around(parameters, "tt"),
+        "around_trt": _around(parameters, "trt"),
     } | _growth(parameters)
     if kind == "gaussian":
         return values | _gaussian_constants(betas, betas + values["grow_width"][0, :3])
@@ -216,6 +238,12 @@ def _fit_growing_tail(beta: float, along: float, *, narrow: bool) -> tuple[Row, 
     padded = np.zeros(NORMALIZATION_TERMS)
     padded[:terms] = coefficients
     return padded, float(np.abs(basis @ coefficients - missing).max())
+
+
+def _around(parameters: FiberScatteringParameters, lobe: str) -> Row:
+    if getattr(parameters, f"azimuthal_table_{lobe}") is not None:
+        return np.array([[TABULATED, 0.0, 0.0, 0.0]])
+    return _azimuthal(parameters.azimuthal, getattr(parameters, f"azimuthal_width_{lobe}"))
 
 
 def _azimuthal(kind: str, gamma: float | None) -> Row:

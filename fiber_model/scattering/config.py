@@ -10,6 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from weft.files.input_file import InputFile
 
+from .azimuthal_table import KNOTS, ROWS
 from .parameters import GRAZING, FiberScatteringParameters
 
 
@@ -22,6 +23,14 @@ def _none_for_uniform(value: Any) -> Any:
     return None if value == "uniform" else value
 
 
+def _rows(value: Any) -> Any:
+    """One row may stand for itself."""
+    flat = (
+        isinstance(value, list | tuple) and value and all(isinstance(number, int | float) for number in value)
+    )
+    return [value] if flat else value
+
+
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Color = Annotated[
     tuple[Fraction, Fraction, Fraction],
@@ -32,6 +41,14 @@ AzimuthalWidth = Annotated[float, Field(ge=2, le=300)]
 AzimuthalWidthOrUniform = Annotated[
     AzimuthalWidth | None,
     BeforeValidator(_none_for_uniform, json_schema_input_type=AzimuthalWidth | Literal["uniform"]),
+]
+
+Density = Annotated[float, Field(ge=0)]
+TableRow = Annotated[tuple[Density, ...], Field(min_length=KNOTS[0], max_length=KNOTS[1])]
+AzimuthalTable = Annotated[
+    tuple[TableRow, ...],
+    Field(min_length=ROWS[0], max_length=ROWS[1]),
+    BeforeValidator(_rows, json_schema_input_type=TableRow | tuple[TableRow, ...]),
 ]
 
 
@@ -84,6 +101,14 @@ class LobesConfig(BaseModel):
     """gamma_TRT for light along the fiber."""
     fresnel_tt_grazing: Fraction | None = None
     """T for light along the fiber: what enters there is reflected inside more often."""
+    azimuthal_table_r: AzimuthalTable | None = None
+    """R around the fiber, in place of uniform: densities at equal steps from the lobe's center (back to the
+    light; for TT straight on) to the opposite side, in any unit. One row, or 2 to 4 for light at equal steps
+    of 1 - cos(inclination) from a right angle to along the fiber. All tables of a fiber have one shape."""
+    azimuthal_table_tt: AzimuthalTable | None = None
+    """TT around the fiber, in place of azimuthal_width_tt_deg: for fibers that are not round."""
+    azimuthal_table_trt: AzimuthalTable | None = None
+    """TRT around the fiber, in place of azimuthal_width_trt_deg."""
 
     @classmethod
     def from_parameters(cls, parameters: FiberScatteringParameters) -> Self:
@@ -98,6 +123,7 @@ class LobesConfig(BaseModel):
 
     def to_parameters(self) -> FiberScatteringParameters:
         around_trt = self.azimuthal_width_trt_deg
+        grazing: dict[str, Any] = {name: self._grazing(name) for name in GRAZING}
         return FiberScatteringParameters(
             longitudinal_width_r=math.radians(self.longitudinal_width_r_deg),
             longitudinal_width_tt=math.radians(self.longitudinal_width_tt_deg),
@@ -111,7 +137,10 @@ class LobesConfig(BaseModel):
             color_trt=self.color_trt,
             longitudinal=self.longitudinal,
             azimuthal=self.azimuthal,
-            **{name: self._grazing(name) for name in GRAZING},
+            azimuthal_table_r=self.azimuthal_table_r,
+            azimuthal_table_tt=self.azimuthal_table_tt,
+            azimuthal_table_trt=self.azimuthal_table_trt,
+            **grazing,
         )
 
     def _grazing(self, name: str) -> float | None:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields
 
 from weft.files.errors import InputError
 
+from .azimuthal_table import Table, check_table
+
 LONGITUDINAL_KINDS = ("gaussian", "vmf", "symmetric")
 AZIMUTHAL_KINDS = ("wrapped_normal", "von_mises")
 GRAZING = (
@@ -19,6 +21,7 @@ GRAZING = (
 )
 """What a width and T become for light along the fiber; each without its suffix is the value for light at a
 right angle. Between them they go linearly with 1 - cos(theta_o)."""
+TABLES = ("azimuthal_table_r", "azimuthal_table_tt", "azimuthal_table_trt")
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,17 @@ class FiberScatteringParameters:
     azimuthal_width_tt_grazing: float | None = None
     azimuthal_width_trt_grazing: float | None = None
     fresnel_tt_grazing: float | None = None
+    azimuthal_table_r: Table | None = None
+    """N_R in place of the uniform one: rows of densities at equal steps from the lobe's center to the
+    opposite side, normalized by the model; see azimuthal_table.py. All tables of a fiber have one shape."""
+    azimuthal_table_tt: Table | None = None
+    """N_TT; `azimuthal_width_tt` then is only the width of the simple lobe that comes nearest."""
+    azimuthal_table_trt: Table | None = None
+
+    @property
+    def tables(self) -> tuple[Table | None, Table | None, Table | None]:
+        """Tables around the fiber of the lobes R, TT, TRT."""
+        return self.azimuthal_table_r, self.azimuthal_table_tt, self.azimuthal_table_trt
 
     @property
     def varies_with_angle(self) -> bool:
@@ -67,7 +81,7 @@ class FiberScatteringParameters:
         _check_kind("azimuthal", self.azimuthal, AZIMUTHAL_KINDS)
         for field in fields(self):
             value = getattr(self, field.name)
-            if value is None or isinstance(value, str):
+            if value is None or isinstance(value, str) or field.name in TABLES:
                 continue
             if field.name.startswith("longitudinal_width"):
                 _check_angle(field.name, value, 0.5, 60.0)
@@ -76,6 +90,7 @@ class FiberScatteringParameters:
             else:
                 _check_unit_interval(field.name, value)
         self._check_grazing()
+        self._check_tables()
 
     def _check_grazing(self) -> None:
         if self.longitudinal == "symmetric" and self.varies_with_angle:
@@ -89,6 +104,21 @@ class FiberScatteringParameters:
             _check_growth(f"longitudinal_width_{lobe}_grazing", self)
         if self.azimuthal_width_trt is None and self.azimuthal_width_trt_grazing is not None:
             raise InputError("scattering: azimuthal_width_trt_grazing needs azimuthal_width_trt, not uniform")
+
+    def _check_tables(self) -> None:
+        given = {name: getattr(self, name) for name in TABLES if getattr(self, name) is not None}
+        for name, table in given.items():
+            check_table(name, table)
+            if self.longitudinal == "symmetric" and len(table) > 1:
+                raise InputError(
+                    f"scattering: {name} has {len(table)} rows, which cannot go with the longitudinal kind "
+                    "'symmetric': a lobe that depends on one of the two angles alone is not reciprocal",
+                    hint="Give it one row, or take the kind 'gaussian' or 'vmf'.",
+                )
+        shapes = {name: (len(table), len(table[0])) for name, table in given.items()}
+        if len(set(shapes.values())) > 1:
+            said = ", ".join(f"{name} {rows} x {knots}" for name, (rows, knots) in shapes.items())
+            raise InputError(f"scattering: the tables of a fiber must have one shape, found {said}")
 
 
 def _check_kind(name: str, value: str, known: tuple[str, ...]) -> None:

@@ -21,6 +21,7 @@ from .azimuthal import (
     wrapped_normal_eval,
     wrapped_normal_sample,
 )
+from .azimuthal_table import Table, table_eval, table_sample
 from .longitudinal import gaussian_eval, gaussian_sample, vmf_eval, vmf_sample
 from .parameters import FiberScatteringParameters
 from .symmetric import symmetric_eval, symmetric_sample
@@ -28,6 +29,8 @@ from .symmetric import symmetric_eval, symmetric_sample
 Array = NDArray[np.float64]
 
 R, TT, TRT, R_GRAZING = 0, 1, 2, 3
+CENTERS = (0.0, np.pi, 0.0, 0.0)
+"""Azimuth [rad] from wo of the center of each lobe."""
 SYMMETRIC_MARGINALS = ("base", "entering", "entering", "grazing")
 """How the energy of each lobe goes with theta, for the kind `symmetric`."""
 
@@ -106,13 +109,28 @@ def lobe_densities(parameters: FiberScatteringParameters, wo: ArrayLike, wi: Arr
     wo, wi = np.asarray(wo, dtype=np.float64), np.asarray(wi, dtype=np.float64)
     theta_o, theta_i = _inclination(wo), _inclination(wi)
     phi = _azimuth(wi) - _azimuth(wo)
-    _, gamma_tt, gamma_trt, _ = azimuthal_widths(parameters, theta_o)
-    around_tt = _azimuthal_eval(parameters.azimuthal, phi - np.pi, gamma_tt)
-    around_trt = _azimuthal_eval(parameters.azimuthal, phi, gamma_trt)
     along = longitudinal_densities(parameters, theta_o, theta_i)
-    uniform = np.full(phi.shape, 1 / (2 * np.pi))
-    around = [uniform, around_tt, around_trt, uniform]
+    around = azimuthal_densities(parameters, theta_o, phi)
     return np.stack([m * n for m, n in zip(along, around, strict=False)], axis=-1)
+
+
+def azimuthal_densities(
+    parameters: FiberScatteringParameters, theta_o: ArrayLike, phi: ArrayLike
+) -> list[Array]:
+    """N_k of four lobes, phi the azimuth of wi from that of wo; ∫ N_k dphi = 1."""
+    phi, cos_o = np.asarray(phi, dtype=np.float64), np.cos(theta_o)
+    gammas, tables = azimuthal_widths(parameters, theta_o), azimuthal_tables(parameters)
+    return [
+        _azimuthal_eval(parameters.azimuthal, phi - center, gamma)
+        if table is None
+        else table_eval(phi - center, table, cos_o)
+        for center, gamma, table in zip(CENTERS, gammas, tables, strict=True)
+    ]
+
+
+def azimuthal_tables(parameters: FiberScatteringParameters) -> tuple[Table | None, ...]:
+    """Of the four lobes: where one is given, it takes the place of the width."""
+    return *parameters.tables, parameters.azimuthal_table_r
 
 
 def longitudinal_densities(
@@ -157,14 +175,18 @@ def _sample_lobes(parameters: FiberScatteringParameters, wo: Array, lobe: Array,
     azimuth_o = np.broadcast_to(_azimuth(wo), lobe.shape)
     theta, phi = np.empty(lobe.shape), np.empty(lobe.shape)
     widths = longitudinal_widths(parameters, theta_o)
-    gammas = azimuthal_widths(parameters, theta_o)
+    gammas, tables = azimuthal_widths(parameters, theta_o), azimuthal_tables(parameters)
     for k, (all_betas, all_gammas) in enumerate(zip((*widths, widths[R]), gammas, strict=True)):
         of_lobe = lobe == k
         beta, gamma = (width[of_lobe] if np.ndim(width) else width for width in (all_betas, all_gammas))
         v = u[of_lobe]
         theta[of_lobe] = _longitudinal_sample(parameters.longitudinal, k, theta_o[of_lobe], beta, v)
-        center = np.pi if k == TT else 0.0
-        phi[of_lobe] = center + _azimuthal_sample(parameters.azimuthal, gamma, v[:, 3])
+        table = tables[k]
+        if table is None:
+            around = _azimuthal_sample(parameters.azimuthal, gamma, v[:, 3])
+        else:
+            around = table_sample(table, np.cos(theta_o[of_lobe]), v[:, 3])
+        phi[of_lobe] = CENTERS[k] + around
     return _direction(theta, azimuth_o + phi)
 
 

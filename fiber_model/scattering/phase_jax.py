@@ -13,8 +13,9 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .azimuthal_table import knot_masses
 from .parameters import GRAZING, FiberScatteringParameters
-from .phase import SYMMETRIC_MARGINALS
+from .phase import CENTERS, SYMMETRIC_MARGINALS
 
 jax.config.update("jax_enable_x64", True)
 
@@ -61,6 +62,20 @@ class LobeParameters(NamedTuple):
     azimuthal_width_tt_grazing: jax.Array | None = None
     azimuthal_width_trt_grazing: jax.Array | None = None
     fresnel_tt_grazing: jax.Array | None = None
+    azimuthal_table_r: jax.Array | None = None
+    """Densities of N_R, [rows, knots], in place of the uniform one; normalized where they are used."""
+    azimuthal_table_tt: jax.Array | None = None
+    azimuthal_table_trt: jax.Array | None = None
+
+    @property
+    def tables(self) -> tuple[jax.Array | None, ...]:
+        """Of the four lobes."""
+        return (
+            self.azimuthal_table_r,
+            self.azimuthal_table_tt,
+            self.azimuthal_table_trt,
+            self.azimuthal_table_r,
+        )
 
     def at_inclination(self, kinds: LobeKinds, name: str, theta_o: jax.Array) -> jax.Array:
         """A width or T: one number, or of the shape of `theta_o` where it goes with it; as phase.py."""
@@ -100,7 +115,8 @@ def split_parameters(parameters: FiberScatteringParameters) -> tuple[LobeKinds, 
     values |= {name: parameters.at_grazing(name.removesuffix("_grazing")) for name in GRAZING}
     if uniform:
         values |= {"azimuthal_width_trt": 1.0, "azimuthal_width_trt_grazing": 1.0}
-    return kinds, LobeParameters(**{name: jnp.asarray(value, float) for name, value in values.items()})
+    given = {name: value for name, value in values.items() if value is not None}
+    return kinds, LobeParameters(**{name: jnp.asarray(value, float) for name, value in given.items()})
 
 
 def distinct_directions(theta_o: ArrayLike, theta_i: ArrayLike, phi: ArrayLike) -> DistinctDirections:
@@ -128,7 +144,7 @@ def _distinct(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def lobe_densities(kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections) -> jax.Array:
     """M_k N_k [1/sr] of the lobes R, TT, TRT, shape [N, 3]; for the kind `symmetric` four, as in phase.py."""
-    turn = directions.turn if kinds.grazing else directions.around
+    turn = directions.turn if _turns(kinds, parameters) else directions.around
     return jnp.stack(
         [
             along[directions.pair] * around[turn]
@@ -169,24 +185,35 @@ def _per_pair(width: jax.Array, directions: DistinctDirections) -> jax.Array:
     return width[directions.pair_theta_o] if width.ndim else width
 
 
+def _turns(kinds: LobeKinds, parameters: LobeParameters) -> bool:
+    """Whether N goes with theta_o."""
+    return kinds.grazing or any(table is not None and len(table) > 1 for table in parameters.tables)
+
+
 def _around(
     kinds: LobeKinds, parameters: LobeParameters, directions: DistinctDirections
 ) -> tuple[jax.Array, ...]:
-    """N_k of each distinct azimuth, shape [q], or of each `turn`, shape [p], where widths go with theta_o.
+    """N_k of each distinct azimuth, shape [q], or of each `turn`, shape [p], where N goes with theta_o.
 
     The last only where `_along` gives four lobes.
     """
-    phi = directions.phi[directions.turn_phi] if kinds.grazing else directions.phi
+    phi = directions.phi[directions.turn_phi] if _turns(kinds, parameters) else directions.phi
+    theta_o = directions.theta_o[directions.turn_theta_o]
     gamma_tt, gamma_trt = (
-        parameters.at_inclination(
-            kinds, f"azimuthal_width_{lobe}", directions.theta_o[directions.turn_theta_o]
-        )
-        for lobe in ("tt", "trt")
+        parameters.at_inclination(kinds, f"azimuthal_width_{lobe}", theta_o) for lobe in ("tt", "trt")
     )
     evaluate = wrapped_normal_eval if kinds.azimuthal == "wrapped_normal" else von_mises_eval
     uniform = jnp.full(phi.shape, 1 / (2 * np.pi))
-    around_trt = uniform if kinds.uniform_trt else evaluate(phi, gamma_trt)
-    return uniform, evaluate(phi - np.pi, gamma_tt), around_trt, uniform
+    simple = (
+        lambda: uniform,
+        lambda: evaluate(phi - np.pi, gamma_tt),
+        lambda: uniform if kinds.uniform_trt else evaluate(phi, gamma_trt),
+        lambda: uniform,
+    )
+    return tuple(
+        n() if table is None else table_eval(phi - center, table, jnp.cos(theta_o))
+        for n, table, center in zip(simple, parameters.tables, CENTERS, strict=True)
+    )
 
 
 def lobe_energies(kinds: LobeKinds, parameters: LobeParameters, cos_o: jax.Array) -> jax.Array:
@@ -274,3 +301,17 @@ def von_mises_eval(phi: jax.Array, gamma: jax.Array) -> jax.Array:
     kappa = gamma**-2
     drop = 2 * jnp.sin(0.5 * phi) ** 2  # 1 - cos(phi) without cancellation
     return jnp.exp(-kappa * drop) / (2 * np.pi * jax.scipy.special.i0e(kappa))
+
+
+def table_eval(phi: jax.Array, table: jax.Array, cos_o: jax.Array) -> jax.Array:
+    """N of a table [rows, knots] at each phi and, where it has several rows, cos_o; as azimuthal_table.py."""
+    rows, knots = table.shape
+    densities = table / (table @ knot_masses(knots))[:, None]
+    place = jnp.abs(phi - 2 * np.pi * jnp.round(phi / (2 * np.pi))) * ((knots - 1) / np.pi)
+    cell = jnp.minimum(place.astype(int), knots - 2)
+    part = place - cell
+    of_rows = densities[:, cell] * (1 - part) + densities[:, cell + 1] * part
+    if rows == 1:
+        return of_rows[0]
+    shares = jnp.clip(1 - jnp.abs((rows - 1) * (1 - cos_o) - np.arange(rows)[:, None]), 0, None)
+    return (shares * of_rows).sum(axis=0)

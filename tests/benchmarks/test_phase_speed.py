@@ -14,12 +14,7 @@ from tests.fiber_model.scattering.scattering_cases import CORNERS, preset
 from tests.renderer.probe import probe
 from tests.renderer.shaders.fiber_probes import random_keys
 from weft.fiber_model.scattering.phase import fiber_phase_sample
-from weft.renderer.scattering_block import (
-    grazing_share,
-    pack_scattering,
-    pack_symmetric_tables,
-    symmetric_share,
-)
+from weft.renderer.scattering_block import pack_scattering, pack_tables, phase_constants
 
 pytestmark = [pytest.mark.gl, pytest.mark.benchmark]
 
@@ -58,7 +53,7 @@ vec3 isotropic_chain(vec3 wo, uvec4 rng) {{
 
 def rate(parameters, function, items):
     """Million calls per CPU second, the best of three, without compiling."""
-    tables = pack_symmetric_tables([parameters])
+    tables = pack_tables([parameters])
     blocks = {2: pack_scattering([parameters]), 3: tables if len(tables) else np.zeros((1, 4), np.float32)}
     signature = f"vec3 {function}(vec3 wo, uvec4 rng)"
     call = probe(
@@ -66,11 +61,7 @@ def rate(parameters, function, items):
         signature,
         prelude=CHAIN,
         blocks=blocks,
-        constants={
-            "RANDOM_PHILOX": 0,
-            "FIBER_SYMMETRIC": symmetric_share([parameters]),
-            "FIBER_GRAZING": grazing_share([parameters]),
-        },
+        constants={"RANDOM_PHILOX": 0} | phase_constants([parameters]),
     )
     wo, keys = np.array([0.6, 0.8, 0.0]), random_keys(items, seed=1)
     call(wo, keys[:64])

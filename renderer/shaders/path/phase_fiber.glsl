@@ -1,5 +1,6 @@
 // The three-lobe fiber of phase/fiber.glsl behind the four functions the path tracer calls.
-// Needs from the program: phase_media[] of FiberScattering, and fiber_table[] where a medium is symmetric.
+// Needs from the program: phase_media[] of FiberScattering, and fiber_table[] where a medium is symmetric or has
+// tables around the fiber.
 #include "phase/fiber.glsl"
 #include "path/dye.glsl"
 #constant MEDIUM_COUNT

@@ -11,6 +11,10 @@
 #if FIBER_SYMMETRIC > 0
 #include "phase/fiber_symmetric.glsl"
 #endif
+#constant FIBER_TABULATED  // 1 where a medium has tables of N
+#if FIBER_TABULATED > 0
+#include "phase/fiber_azimuthal_table.glsl"
+#endif
 
 // What depends on wo only. Compute it once per vertex and share it between light sampling and scattering. All functions
 // that take it want the medium as fiber_at_inclination gives it for that wo.
@@ -85,6 +89,12 @@ vec4 fiber_lobe_densities(FiberScattering s, FiberLobes lobes, vec3 wi) {
     float around_tt = fiber_azimuthal_eval(s.around_tt, from_tt);
     float around_trt = s.around_trt.x == 0.0 ? INV_TWO_PI : fiber_azimuthal_eval(s.around_trt, PI - from_tt);
     vec3 around = vec3(INV_TWO_PI, around_tt, around_trt);
+#if FIBER_TABULATED > 0
+    if (fiber_is_tabulated(s)) {
+        bvec3 given = bvec3(true, s.around_tt.x == 4.0, s.around_trt.x == 4.0);
+        around = mix(around, fiber_table_eval(s, lobes.cos_o, from_tt), given);
+    }
+#endif
 #if FIBER_SYMMETRIC > 0
     if (fiber_is_symmetric(s)) {
         return fiber_symmetric_eval(s, lobes.along_scale, lobes.sin_o, lobes.cos_o, wi.x, cos_i) * around.xyzx;
@@ -176,6 +186,11 @@ vec3 fiber_lobes_sample(FiberScattering s, FiberLobes lobes, inout uvec4 rng, ou
     if (fiber_is_vmf(s)) along = fiber_vmf_sample(lobes.sin_o, lobes.cos_o, beta, random4(rng).xy);
 
     phi += is_tt ? PI : 0.0;
+#if FIBER_TABULATED > 0
+    if (fiber_is_tabulated(s) && (uniform_around || around.x == 4.0)) {
+        phi = PI + fiber_table_sample(s, lobes.cos_o, vec3(uniform_around, lane.yz), rng);
+    }
+#endif
     vec2 turn = vec2(cos(phi), sin(phi));
     vec2 azimuth_i = vec2(
         lobes.azimuth_o.x * turn.x - lobes.azimuth_o.y * turn.y, lobes.azimuth_o.x * turn.y + lobes.azimuth_o.y * turn.x);

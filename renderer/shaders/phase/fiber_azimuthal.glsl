@@ -1,5 +1,6 @@
 // Azimuthal lobes N of the fiber phase function; lobe = (kind, gamma, scale, slope) from renderer/scattering_block.py:
-// 0 uniform, 1 and 2 wrapped normal, 3 von Mises with kappa = 1/gamma^2. Twin: fiber_model/scattering/azimuthal.py
+// 0 uniform, 1 and 2 wrapped normal, 3 von Mises with kappa = 1/gamma^2; 4, a table, is fiber_azimuthal_table.glsl's.
+// Twin: fiber_model/scattering/azimuthal.py
 #include "math/constants.glsl"
 #include "math/arctangent.glsl"
 #include "rng/random.glsl"

@@ -11,8 +11,8 @@ struct FiberScattering {
     vec4 norm_narrow;  // 1: tail = exp(-y^2/2) poly(1/(1+y/2)), y = gap/beta; 0: poly((2 theta_o/pi)^2)
     vec4 norm_tail[8];  // coefficients of the tail, ascending
     vec4 around_tt;  // azimuthal lobe: kind, gamma, scale, slope of the proposal
-    vec4 around_trt;  // same; kind: 0 uniform, 1 wrapped normal (images), 2 (series), 3 von Mises
-    vec4 table;  // x: the medium's first row of fiber_table[], for symmetric
+    vec4 around_trt;  // same; kind: 0 uniform, 1 wrapped normal (images), 2 (series), 3 von Mises, 4 table
+    vec4 table;  // first row of fiber_table[] x: for symmetric, y: for tables of N, with z cells and w rows; z 0: none
     vec4 grow_width;  // beta for light along the fiber, less width; w: 1 where anything grows
     vec4 grow_around;  // gamma of TT and TRT for light along the fiber, less that at normal incidence
     vec4 grow_tt;  // rgb: C_TT T for light along the fiber, less energy_tt

@@ -15,7 +15,7 @@ vec3 fiber_one_minus_exp(vec3 x) {
 
 // The azimuthal lobe of the kind of `lobe` with width gamma; renderer/scattering_block.py has the same as _azimuthal.
 vec4 fiber_azimuthal_lobe(vec4 lobe, float gamma) {
-    if (lobe.x == 0.0) return lobe;
+    if (lobe.x == 0.0 || lobe.x == 4.0) return lobe;
     if (lobe.x == 3.0) {
         float kappa = 1.0 / (gamma * gamma);
         float tau = 1.0 + sqrt(1.0 + 4.0 * kappa * kappa);

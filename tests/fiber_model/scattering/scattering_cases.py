@@ -7,6 +7,8 @@ from dataclasses import replace
 from math import radians
 from pathlib import Path
 
+import numpy as np
+
 from weft.fiber_model.scattering.config import ScatteringConfig
 from weft.fiber_model.scattering.parameters import GRAZING, FiberScatteringParameters
 
@@ -48,6 +50,24 @@ def grazing(
     return replace(parameters, **dict(zip(GRAZING, [*widths, fresnel_tt], strict=True)))
 
 
+def humps(rows: int, knots: int, *, seed: int) -> tuple[tuple[float, ...], ...]:
+    """Densities of two or three humps of random places, widths and heights, and a gap without light."""
+    rng, angle = np.random.default_rng(seed), np.linspace(0, np.pi, knots)
+    table = []
+    for _ in range(rows):
+        centers, widths, heights = rng.uniform(0, np.pi, 3), rng.uniform(0.05, 0.6, 3), rng.uniform(0.1, 2, 3)
+        density = (heights * np.exp(-0.5 * ((angle[:, None] - centers) / widths) ** 2)).sum(axis=1)
+        density[rng.integers(knots - 3) :][:3] = 0.0
+        table.append(tuple(map(float, density)))
+    return tuple(table)
+
+
+def tabulated(parameters: FiberScatteringParameters, lobes: str, rows: int, knots: int):
+    """The same with tables around the fiber for some of its lobes, "r tt trt"."""
+    tables = {f"azimuthal_table_{lobe}": humps(rows, knots, seed=i) for i, lobe in enumerate(lobes.split())}
+    return replace(parameters, **tables)
+
+
 CORNERS = {
     "narrow": gray((0.5, 1.0, 2.0), 2.0, gamma_trt_deg=5.0),
     "wide": gray((60.0, 40.0, 20.0), 300.0, gamma_trt_deg=90.0),
@@ -74,4 +94,13 @@ CORNERS = {
         gray((0.5, 12.0, 24.0), 40.0, longitudinal="vmf"), (20.0, 6.0, 45.0, 90.0, None), 0.0
     ),
     "series": gray((3.0, 8.0, 50.0), 81.0, gamma_trt_deg=100.0),
+    "table": tabulated(gray((3.0, 4.0, 9.0), 30.0, fresnel_r=0.3), "r tt trt", 1, 33),
+    "table rows": tabulated(gray((5.0, 8.0, 20.0), 30.0, gamma_trt_deg=60.0), "r tt trt", 4, 129),
+    "table of TRT": tabulated(gray((5.0, 8.0, 20.0), 30.0, longitudinal="vmf"), "trt", 2, 9),
+    "table grazing": grazing(
+        tabulated(gray((3.0, 4.0, 9.0), 30.0, gamma_trt_deg=60.0, azimuthal="von_mises"), "tt r", 2, 65),
+        (4.0, 9.0, 20.0, 75.0, 90.0),
+        0.3,
+    ),
+    "table symmetric": tabulated(gray((6.0, 12.0, 24.0), 40.0, longitudinal="symmetric"), "r trt", 1, 33),
 }

@@ -40,6 +40,7 @@ def phi_knots(parameters: FiberScatteringParameters, theta_o: float, *, steps: i
     around = [around_tt * z]
     if width is not None:
         around += [np.pi + width * z, -np.pi + width * z]
+    around += [np.linspace(-np.pi, np.pi, 2 * len(table[0]) - 1) for table in parameters.tables if table]
     return _knots([*around, np.linspace(-np.pi, np.pi, 25)], np.pi)
 
 

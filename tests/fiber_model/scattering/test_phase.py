@@ -8,8 +8,9 @@ from math import radians
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from tests.fiber_model.scattering.scattering_cases import CORNERS, PRESET_NAMES, gray, preset
+from tests.fiber_model.scattering.scattering_cases import CORNERS, PRESET_NAMES, gray, humps, preset
 from tests.fiber_model.scattering.sphere_bins import (
     angles_from_tt,
     cell_integrals,
@@ -24,6 +25,7 @@ from weft.fiber_model.scattering.azimuthal import (
     wrapped_normal_eval,
     wrapped_normal_sample,
 )
+from weft.fiber_model.scattering.azimuthal_table import table_eval, table_sample
 from weft.fiber_model.scattering.parameters import GRAZING
 from weft.fiber_model.scattering.phase import (
     azimuthal_widths,
@@ -212,6 +214,32 @@ def test_azimuthal_samples_have_the_lobes_mean_resultant(gamma):
     assert wrapped_normal_eval(0.3, gamma) == pytest.approx(wrapped_normal_eval(0.3 - 2 * np.pi, gamma))
 
 
+def test_a_table_of_a_simple_lobe_is_that_lobe():
+    """129 knots of a wrapped normal, wide enough for straight pieces: to the square of the step, 3e-4."""
+    gamma, angle = radians(40), np.linspace(0, np.pi, 129)
+    rows = tuple(tuple(map(float, 7 * wrapped_normal_eval(angle, width))) for width in (gamma, 2 * gamma))
+    phi = np.linspace(-9, 9, 1001)
+    for cos_o, share in ((1.0, 0.0), (0.75, 0.25), (0.0, 1.0)):
+        mixed = sum(
+            part * wrapped_normal_eval(phi, width) for part, width in ((1 - share, gamma), (share, 2 * gamma))
+        )
+        np.testing.assert_allclose(table_eval(phi, rows, cos_o), mixed, atol=1e-4)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 4])
+def test_samples_of_a_table_follow_it(rows):
+    """Kolmogorov-Smirnov of 50,000 angles at three inclinations against the integral of the density."""
+    table = humps(rows, 33, seed=rows)
+    for cos_o in (1.0, 0.6, 0.05):
+        sample = table_sample(table, cos_o, np.random.default_rng(3).random(50_000))
+        phi = np.linspace(-np.pi, np.pi, 64 * 32 + 1)
+        density = table_eval(phi, table, cos_o)
+        mass = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(phi))])
+        assert mass[-1] == pytest.approx(1, abs=1e-12)
+        # quadratic between knots, so linear interpolation on this grid is good to 1e-4, 2 % of the limit
+        assert stats.kstest(sample, lambda x, p=phi, m=mass: np.interp(x, p, m)).pvalue > ALPHA
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -224,6 +252,17 @@ def test_azimuthal_samples_have_the_lobes_mean_resultant(gamma):
         ({"azimuthal_width_trt_grazing": 1.0}, "needs azimuthal_width_trt"),
         ({"longitudinal_width_trt_grazing": 0.1}, "between half the width at normal incidence"),
         ({"fresnel_tt_grazing": 0.2, "longitudinal": "symmetric"}, "is not reciprocal"),
+        ({"azimuthal_table_tt": humps(2, 33, seed=1), "longitudinal": "symmetric"}, "is not reciprocal"),
+        ({"azimuthal_table_tt": ((1.0,) * 8,)}, "rows of 8 numbers; all must have the same number, 9 to 129"),
+        ({"azimuthal_table_tt": ((1.0,) * 9, (1.0,) * 10)}, "rows of 9, 10 numbers"),
+        ({"azimuthal_table_r": ((1.0,) * 9,) * 5}, "has 5 rows; it must have 1 to 4"),
+        ({"azimuthal_table_trt": ((0.0,) * 9,)}, "one above 0 in each row"),
+        ({"azimuthal_table_trt": ((1.0,) * 8 + (-1.0,),)}, "densities of at least 0"),
+        ({"azimuthal_table_trt": ((1.0,) * 8 + (float("inf"),),)}, "finite densities"),
+        (
+            {"azimuthal_table_r": humps(1, 9, seed=1), "azimuthal_table_tt": humps(2, 9, seed=1)},
+            "must have one shape",
+        ),
     ],
 )
 def test_refuses_with_one_clear_line(changes, message):

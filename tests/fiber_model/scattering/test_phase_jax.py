@@ -75,12 +75,14 @@ def test_gradients_equal_finite_differences(name):
     kinds, values = split_parameters(parameters)
     directions = distinct_directions(*random_angles(300, parameters, seed=2))
     evaluate = jax.jit(lambda values: fiber_phase_eval(kinds, values, directions))
-    for field in LobeParameters._fields:
+    for field in [name for name in LobeParameters._fields if getattr(values, name) is not None]:
         value = getattr(values, field)
-        tangent = values._replace(**{f: 0 * getattr(values, f) for f in LobeParameters._fields})
-        tangent = tangent._replace(**{field: value})  # d/dlog x
+        step = value  # d/dlog x; a table is normalized, so every knot goes its own way
+        if field.startswith("azimuthal_table"):
+            step = value * np.cos(np.arange(value.size).reshape(value.shape))
+        tangent = jax.tree.map(np.zeros_like, values)._replace(**{field: step})
         _, slope = jax.jvp(evaluate, (values,), (tangent,))
-        high, low = (evaluate(values._replace(**{field: value * (1 + h)})) for h in (1e-5, -1e-5))
+        high, low = (evaluate(values._replace(**{field: value + h * step})) for h in (1e-5, -1e-5))
         difference = (high - low) / 2e-5
         scale = max(float(abs(difference).max()), float(abs(evaluate(values)).max()))
         np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-7 * scale, err_msg=field)
@@ -101,7 +103,7 @@ def test_gradients_are_finite_over_the_whole_range():
             )
             kinds, values = split_parameters(medium)
             slopes = jax.jacfwd(lambda v, k=kinds: fiber_phase_eval(k, v, directions))(values)
-            assert all(np.isfinite(slope).all() for slope in slopes)
+            assert all(np.isfinite(slope).all() for slope in jax.tree.leaves(slopes))
 
 
 def test_distinct_directions_keep_every_angle():

@@ -8,12 +8,7 @@ import numpy as np
 
 from tests.renderer.probe import probe
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
-from weft.renderer.scattering_block import (
-    grazing_share,
-    pack_scattering,
-    pack_symmetric_tables,
-    symmetric_share,
-)
+from weft.renderer.scattering_block import pack_scattering, pack_tables, phase_constants
 
 _CALLS = """
 layout(std430, binding = 3) readonly buffer Tables { vec4 fiber_table[]; };
@@ -34,13 +29,9 @@ vec3 scale(int medium, float theta_o) {
 def fiber_probe(
     media: Sequence[FiberScatteringParameters], signature: str, *, philox: bool = False
 ) -> Callable:
-    tables = pack_symmetric_tables(media)
+    tables = pack_tables(media)
     blocks = {2: pack_scattering(media), 3: tables if len(tables) else np.zeros((1, 4), np.float32)}
-    constants = {
-        "RANDOM_PHILOX": int(philox),
-        "FIBER_SYMMETRIC": symmetric_share(media),
-        "FIBER_GRAZING": grazing_share(media),
-    }
+    constants = {"RANDOM_PHILOX": int(philox)} | phase_constants(media)
     return probe([], signature, prelude=_CALLS, blocks=blocks, constants=constants)
 
 
