@@ -271,8 +271,12 @@ class RenderConfig(Settings):
     """
     tracking: Literal["exact", "delta"] = "exact"
     """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
-    sampling: Literal["both", "lights", "phase"] = "both"
-    """How environment light is found: by choosing lights, by the phase function, or by both. Same mean."""
+    sampling: Literal["both", "both_plain", "lights", "phase"] = "both"
+    """How environment light is found: by choosing lights, by the phase function, or by both. Same mean.
+
+    both: of the environment only what is brighter than its mean is looked for, the rest is left to the phase
+    function (MIS compensation). both_plain: all of it is looked for, at every scattering.
+    """
 
     @field_validator("resolution")
     @classmethod

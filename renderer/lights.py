@@ -28,7 +28,7 @@ class LocalValues:
 
 @dataclass(frozen=True)
 class LightTable:
-    """Entries of texels, of directional lights, of local ones; each is chosen by its luminous fluence."""
+    """Entries of texels, of directional lights, one without light, of local ones; see `build_light_table`."""
 
     environment: np.ndarray
     """Radiance, float32, shape [rows, 2 rows, 3]."""
@@ -39,9 +39,19 @@ class LightTable:
 
 
 def build_light_table(
-    lights: Sequence[Light], camera_axes: np.ndarray, local: LocalValues | None = None
+    lights: Sequence[Light],
+    camera_axes: np.ndarray,
+    local: LocalValues | None = None,
+    *,
+    compensated: bool = False,
 ) -> LightTable:
-    """The table of all lights. `camera_axes`: rows right, up, toward the camera."""
+    """The table of all lights; each is chosen by its luminous fluence.
+
+    camera_axes: rows right, up, toward the camera.
+    compensated: of the environment only what is brighter than its mean is sampled, the rest is left to the
+    phase function, and as often as that rest carries the light no light is chosen at all. Unbiased where
+    scattered rays find the environment too. MIS compensation (Karlík et al. 2019), densities not scaled up.
+    """
     local = local or LocalValues(np.zeros((0, 3)), np.zeros((0, 3)))
     environment = build_environment(lights, camera_axes)
     directional = [light for light in lights if isinstance(light, DirectionalLight)]
@@ -53,10 +63,14 @@ def build_light_table(
     rows = len(environment)
     solid_angle = np.repeat(texel_solid_angles(rows), 2 * rows)
     irradiance = np.array([light.irradiance for light in directional]).reshape(-1, 3)
-    values = np.concatenate([environment.reshape(-1, 3), irradiance, local.values]).astype(np.float64)
-    measure = np.concatenate([solid_angle, np.ones(len(directional) + len(local.values))])
-    far = len(values) - len(local.values)
-    fluence = np.concatenate([values[:far] @ LUMINANCE * measure[:far], local.fluence @ LUMINANCE])
+    nothing = np.zeros((1, 3))
+    values = np.concatenate([environment.reshape(-1, 3), irradiance, nothing, local.values], dtype=np.float64)
+    measure = np.concatenate([solid_angle, np.ones(len(directional) + 1 + len(local.values))])
+    sampled, left = _sampled_luminance(environment, solid_angle) if compensated else (None, 0.0)
+    luminance = values[: len(solid_angle)] @ LUMINANCE if sampled is None else sampled
+    fluence = np.concatenate(
+        [luminance * solid_angle, irradiance @ LUMINANCE, [left], local.fluence @ LUMINANCE]
+    )
     # a black scene still needs a table; its entries carry nothing
     probability = fluence / fluence.sum() if fluence.sum() > 0 else np.full(len(fluence), 1 / len(fluence))
     threshold, alias = alias_table(probability)
@@ -66,9 +80,18 @@ def build_light_table(
     entries[:, 4] = threshold
     entries[:, 5] = alias.astype(np.uint32).view(np.float32)
     directions = np.zeros((MAX_DIRECTIONAL_LIGHTS, 4), np.float32)
+    directions[len(directional) :, 1] = 1  # of the entry without light
     for index, light in enumerate(directional):
         directions[index, :3] = _world_direction(light, camera_axes)
     return LightTable(environment, directions, entries)
+
+
+def _sampled_luminance(environment: np.ndarray, solid_angle: np.ndarray) -> tuple[np.ndarray, float]:
+    """What of each texel is brighter than the mean, shape [n], and the fluence of all the rest."""
+    luminance = environment.reshape(-1, 3).astype(np.float64) @ LUMINANCE
+    mean = luminance @ solid_angle / solid_angle.sum()
+    sampled = np.maximum(luminance - mean * (1 + 1e-6), 0)  # of a constant, rounding is not light
+    return sampled, float((luminance - sampled) @ solid_angle)
 
 
 def _world_direction(light: DirectionalLight, camera_axes: np.ndarray) -> np.ndarray:

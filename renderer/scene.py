@@ -255,7 +255,7 @@ def _lighting(config: RenderConfig, pool: BrickPool, axes: np.ndarray, bounds: n
     target = config.camera.target_mm
     values = _local_values(local, middle if target is None else np.array(target), bounds, size)
     return {
-        "light_table": build_light_table(lights, axes, values),
+        "light_table": build_light_table(lights, axes, values, compensated=config.sampling == "both"),
         "surfaces": build_surface_table(config.surfaces, local, bounds, pool.corner_mm, size),
         "local_lights": light_rows(local, pool.corner_mm, size),
         "local_kinds": frozenset(light.kind for light in local),

@@ -81,6 +81,7 @@ def test_white_furnace(peak):
         camera=OrthographicCamera(view_direction=(0.3, 0.4, 1.0)),
         lights=[ConstantLight()],
         background="environment",
+        sampling="both_plain",
         correlation="fibers",
     )
     grid = random_grid((3, 3, 3), seed=21, fill=0.6, peak=peak)

@@ -126,6 +126,7 @@ def test_white_furnace_of_instances(monkeypatch, tmp_path):
         [white],
         1,
         lights=[ConstantLight()],
+        sampling="both_plain",
         background=(1.0, 1.0, 1.0),
         max_bounces=1000,
     )

@@ -78,29 +78,56 @@ def test_solid_angles_sum_to_the_sphere():
 
 
 @pytest.mark.gl
-def test_samples_follow_the_density(tmp_path):
-    """Chi-square of chosen texels and directional lights against the table, error probability 1e-4."""
+@pytest.mark.parametrize("compensated", [False, True])
+def test_samples_follow_the_density(tmp_path, compensated):
+    """Chi-square of texels, directional light and no light against the table, error probability 1e-4."""
     picture, path = checkered_environment(tmp_path)
     lights = [EnvironmentLight(file=path), DirectionalLight(direction=(0, 0, 1), irradiance=(3, 3, 3))]
-    table = build_light_table(lights, AXES)
+    table = build_light_table(lights, AXES, compensated=compensated)
     sample = light_probe(table, "vec3 sample_light(uvec2 choice, vec2 u, out vec3 value, out float pdf)")
     count = 400_000
     u = np.random.default_rng(2).random((count, 2), np.float32)
-    direction, _, pdf = sample(random_words(1, count), u)
+    direction, value, pdf = sample(random_words(1, count), u)
     on_sky = pdf > 0
     rows = len(picture)
     row = np.clip((np.arccos(direction[:, 1]) / np.pi * rows).astype(int), 0, rows - 1)
     azimuth = np.arctan2(direction[:, 0], -direction[:, 2]) % (2 * np.pi)
     column = np.clip((azimuth / np.pi * rows).astype(int), 0, 2 * rows - 1)
     seen = np.bincount((row * 2 * rows + column)[on_sky], minlength=2 * rows * rows)
-    seen = np.append(seen, (~on_sky).sum())
-    measure = np.append(np.repeat(texel_solid_angles(rows), 2 * rows), 1.0)
+    lit = value.any(axis=1)
+    seen = np.append(seen, [(~on_sky & lit).sum(), (~on_sky & ~lit).sum()])
+    measure = np.append(np.repeat(texel_solid_angles(rows), 2 * rows), [1.0, 1.0])
     expected = table.entries[:, 3] * measure * count
     # an edge is rounded differently here and there: a sample on it may be counted one texel off
     big = expected > 20
     statistic = ((seen - expected)[big] ** 2 / expected[big]).sum()
     assert stats.chi2.sf(statistic, big.sum() - 1) > 1e-4
     assert seen[expected == 0].sum() == 0
+
+
+def test_only_what_is_brighter_than_the_mean_is_looked_for(tmp_path):
+    """And as often as that is of all light; what it lacks is the chance of no light at all."""
+    picture, path = checkered_environment(tmp_path)
+    sun = DirectionalLight(direction=(0, 0, 1), irradiance=(3, 3, 3))
+    table = build_light_table([EnvironmentLight(file=path), sun], AXES, compensated=True)
+    luminance = picture.reshape(-1, 3) @ environment.LUMINANCE
+    solid_angle = np.repeat(texel_solid_angles(len(picture)), 2 * len(picture))
+    mean = (luminance * solid_angle).sum() / (4 * np.pi)
+    total = (luminance * solid_angle).sum() + 3
+    texels = len(luminance)
+    np.testing.assert_allclose(
+        table.entries[:texels, 3], np.maximum(luminance - mean, 0) / total, rtol=1e-4, atol=1e-6
+    )
+    assert table.entries[texels, 3] == pytest.approx(3 / total)
+    chances = table.entries[:texels, 3] @ solid_angle + table.entries[texels:, 3].sum()
+    assert chances == pytest.approx(1, rel=1e-5)
+
+
+def test_constant_light_is_never_looked_for():
+    entries = build_light_table([ConstantLight(radiance=(0.3, 0.7, 0.1))], AXES, compensated=True).entries
+    assert entries[:-1, 3].max() == 0
+    assert entries[-1, 3] == 1
+    assert not entries[-1, :3].any()
 
 
 @pytest.mark.gl

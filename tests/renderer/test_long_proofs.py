@@ -46,7 +46,7 @@ def test_every_path_of_a_white_volume_brings_back_one(density):
 @pytest.mark.parametrize("density", DENSITIES[:5])
 def test_light_and_phase_sampling_together_keep_it_white(density):
     """Error probability 1e-4 per z; standard errors up to 0.5 %."""
-    result = furnace(density, resolution=32, samples=32 if density < 50 else 8)
+    result = furnace(density, resolution=32, samples=32 if density < 50 else 8, sampling="both_plain")
     assert abs(z_score(result, 1.0)) < Z_LIMIT
     assert picture_mean(result)[1] < 0.005
 

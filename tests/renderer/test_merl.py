@@ -162,6 +162,7 @@ def test_a_white_table_in_white_light_cannot_be_seen(tmp_path):
         [],
         surfaces=[ball],
         lights=[ConstantLight()],
+        sampling="both_plain",
         background=(1.0, 1.0, 1.0),
         max_bounces=1000,
         samples_per_pixel=256,

@@ -28,6 +28,7 @@ def uniform_light(grid, phase, *, samples=64, **settings):
         "camera": PerspectiveCamera(fov_deg=12, view_direction=(0.3, 0.4, 1.0)),
         "lights": [ConstantLight()],
         "background": "environment",
+        "sampling": "both_plain",
     }
     return run(RenderConfig(**(defaults | settings)), volume(*grid), phase)
 

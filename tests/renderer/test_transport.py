@@ -60,7 +60,7 @@ def furnace(scattering, grid, *, spp=64, seed=1, **settings):
         camera=PerspectiveCamera(fov_deg=12, view_direction=(0.3, 0.4, 1.0)),
         lights=[ConstantLight()],
         background="environment",
-        **settings,
+        **({"sampling": "both_plain"} | settings),  # else uniform light is left to the phase function alone
     )
     return run(config, volume(grid), {"a": scattering})
 
@@ -91,6 +91,12 @@ def test_white_furnace_of_isotropic_scattering():
 def test_white_furnace_by_phase_sampling_alone_is_exact(scattering):
     """Without light sampling every path of a white fiber brings back 1: all weights are 1."""
     result = furnace(scattering, random_grid((2, 2, 2), seed=22, peak=1.0), sampling="phase", spp=4)
+    np.testing.assert_allclose(result.radiance, 1.0, rtol=2e-4)
+
+
+def test_uniform_light_is_not_looked_for():
+    """Every scattered ray finds it, so no shadow ray is sent: a white volume brings back exactly 1."""
+    result = furnace(TABLE["reference"], random_grid((2, 2, 2), seed=22, peak=1.0), sampling="both", spp=4)
     np.testing.assert_allclose(result.radiance, 1.0, rtol=2e-4)
 
 
@@ -207,7 +213,7 @@ def usual():
 
 
 @pytest.mark.parametrize("tracking", ["exact", "delta"])
-@pytest.mark.parametrize("sampling", ["both", "lights", "phase"])
+@pytest.mark.parametrize("sampling", ["both", "both_plain", "lights", "phase"])
 def test_all_estimators_agree(usual, tracking, sampling):
     other = scenery(
         seed=6, tracking=tracking, sampling=sampling, samples_per_pixel=384 if sampling == "phase" else 96

@@ -1,5 +1,5 @@
 // All lights in one alias table (Walker 1977): one entry per texel of the latitude-longitude environment, then one
-// per directional light. Radiance is constant in a texel, so the sampled density is exactly the evaluated one.
+// per directional light, and one that stands for no light. Radiance is constant in a texel, so the sampled density is exactly the evaluated one.
 // Up is +y; column 0 starts at -z and goes toward +x, as in Mitsuba 3 (renderer/environment.py).
 // Needs from the program: lights[] (per entry: vec4(radiance, pdf), vec4(threshold, alias, 0, 0)), light_count,
 // environment_size (columns, rows), directional_lights[]; with LOCAL_LIGHTS, light/local.glsl and what it needs.
@@ -69,8 +69,8 @@ LightSample light_sample(uvec2 choice, vec2 u, vec3 point) {
 #endif
     uint texel_count = uint(environment_size.x * environment_size.y);
     if (entry >= texel_count) {
-        vec3 direction = directional_lights[entry - texel_count].xyz;
-        return LightSample(direction, radiance.rgb / radiance.w, 0.0, INFINITELY_FAR);
+        vec3 direction = directional_lights[min(entry - texel_count, 15u)].xyz;  // one more entry has no light
+        return LightSample(direction, radiance.rgb / max(radiance.w, 1e-30), 0.0, INFINITELY_FAR);
     }
     uint row = entry / uint(environment_size.x);
     uint column = entry - row * uint(environment_size.x);
