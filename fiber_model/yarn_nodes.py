@@ -144,5 +144,6 @@ def _part(yarns: YarnSet, group: range) -> YarnSet:
         yarn_type=yarns.yarn_type[own],
         twist=None if yarns.twist is None else yarns.twist[first:last],
         surface_uv=None,
+        row=None,
         report=None,
     )

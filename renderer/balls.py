@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from .mesh import Triangles
-from .surface_config import BallSurface, GroundSurface, MeshSurface, Surface, SweepSurface
+from .surface_config import BallSurface, GroundSurface, MeshSurface, Surface, SweepSurface, TubeSurface
 
 SUBDIVISIONS = 3
 """Of the icosahedron: 1,280 triangles."""
-SingleSurface = MeshSurface | GroundSurface | BallSurface
+SingleSurface = MeshSurface | GroundSurface | BallSurface | TubeSurface
 
 
 def single_surfaces(surfaces: Sequence[Surface]) -> list[SingleSurface]:

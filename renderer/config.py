@@ -11,7 +11,7 @@ from weft.files.input_file import InputFile
 from .light_config import DiskLight, MeshLight, PointLight, QuadLight, SoftboxLight, SpotLight
 from .media_config import Medium
 from .settings import Color, Reflectance, Settings, Vector
-from .surface_config import BallSurface, GroundSurface, MeshSurface, Stencil, SweepSurface
+from .surface_config import BallSurface, GroundSurface, MeshSurface, Stencil, SweepSurface, TubeSurface
 
 MAX_PIXELS = 1 << 25
 
@@ -180,7 +180,9 @@ class DaylightLight(Settings):
 
 
 Camera = Annotated[PerspectiveCamera | OrthographicCamera, Field(discriminator="kind")]
-Surface = Annotated[MeshSurface | GroundSurface | BallSurface | SweepSurface, Field(discriminator="kind")]
+Surface = Annotated[
+    MeshSurface | GroundSurface | BallSurface | TubeSurface | SweepSurface, Field(discriminator="kind")
+]
 PixelFilter = Annotated[BoxFilter | GaussianFilter | LanczosFilter, Field(discriminator="kind")]
 Light = Annotated[
     ConstantLight

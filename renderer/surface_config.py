@@ -136,6 +136,29 @@ class BallSurface(Settings):
     """What it is made of."""
 
 
+class TubeSurface(Settings):
+    """A round bar, or bent wire, along straight legs: a rail, a hanger."""
+
+    kind: Literal["tube"] = "tube"
+    points_mm: tuple[Vector, ...] = Field(min_length=2, max_length=4096)
+    """Where it begins, bends and ends."""
+    radius_mm: float = Field(default=1.0, gt=0)
+    """Of its round section."""
+    material: Material = DiffuseMaterial()
+    """What it is made of."""
+
+    @model_validator(mode="after")
+    def _bends_are_possible(self) -> TubeSurface:
+        legs = np.diff(np.array(self.points_mm), axis=0)
+        lengths = np.linalg.norm(legs, axis=1)
+        if not (lengths > 1e-6).all():
+            raise ValueError("two neighboring points of a tube are the same")
+        turns = np.einsum("ij,ij->i", legs[:-1], legs[1:]) / (lengths[:-1] * lengths[1:])
+        if (turns < -0.9).any():
+            raise ValueError("a tube turns back by more than 150 degrees at a point; take more points")
+        return self
+
+
 SweptParameter = Literal[
     "subsurface",
     "metallic",
@@ -183,4 +206,4 @@ class SweepSurface(Settings):
         return self
 
 
-Surface = MeshSurface | GroundSurface | BallSurface | SweepSurface
+Surface = MeshSurface | GroundSurface | BallSurface | TubeSurface | SweepSurface

@@ -13,7 +13,8 @@ from .instances import INSTANCED_FROM, in_voxels, instance_box, instance_rows, i
 from .local_lights import LocalLight, light_shapes
 from .materials import MATERIAL_ROWS, MaterialKinds, float_bits, material_kinds, material_rows
 from .mesh import TRIANGLE, Triangles, ground_triangles, joined, mesh_triangles
-from .surface_config import BallSurface, GroundSurface, Surface
+from .surface_config import BallSurface, GroundSurface, Surface, TubeSurface
+from .tubes import tube_triangles
 
 NODE_ROWS = 5
 TRIANGLE_ROWS = 3
@@ -132,6 +133,8 @@ def _triangles(surface: SingleSurface, bounds_mm: np.ndarray, material: int) -> 
         return ground_triangles(surface, bounds_mm, material)
     if isinstance(surface, BallSurface):
         return ball_triangles(surface, material)
+    if isinstance(surface, TubeSurface):
+        return tube_triangles(surface, material)
     return mesh_triangles(surface, material)
 
 

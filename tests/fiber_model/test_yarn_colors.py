@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 
+from weft.fiber_model import yarn_nodes
 from weft.fiber_model.config import FibersConfig
 from weft.fiber_model.fiber_colors import has_colors, ply_color
 from weft.fiber_model.fibers import run as lay_fibers
@@ -51,7 +52,7 @@ def test_stripes_of_a_weave_count_warp_and_weft_apart():
         np.testing.assert_array_equal(own[:5], [RED, RED, RED, WHITE, WHITE])
 
 
-def test_stripes_of_a_garment_keep_their_height(tmp_path):
+def test_stripes_of_a_garment_keep_their_height(tmp_path, monkeypatch):
     """Every course of a sleeve, whole or cut in pieces, has the color of its height."""
     surface = {
         "kind": "sleeve",
@@ -70,6 +71,8 @@ def test_stripes_of_a_garment_keep_their_height(tmp_path):
     steps = np.diff(sleeve.row[courses][order])
     assert courses.sum() > 10
     assert (steps[1:-1] == 1).all()  # the first and the last are to the hems
+    monkeypatch.setattr(yarn_nodes, "GROUP_NODES", 1000)
+    assert len(lay_fibers(colored(**STRIPES), sleeve).colors) == 2
     save_yarns(sleeve, tmp_path / "yarns.npz")
     np.testing.assert_array_equal(load_yarns(tmp_path / "yarns.npz").row, sleeve.row)
 

@@ -66,9 +66,13 @@ def scarf_mesh(
     length_mm: float,
     fold_count: float = 3.0,
     fold_depth_mm: float = 0.0,
+    rail_radius_mm: float = 0.0,
+    front_share: float = 0.55,
     step_mm: float = 2.0,
 ) -> SurfaceMesh:
-    """A scarf that hangs along y in pleats toward +z. Pleats bend it and stretch it nowhere."""
+    """A scarf that hangs along y in pleats toward +z. Pleats bend it and stretch it nowhere, but for a rail:
+    there they fade out over a third of what hangs, and the cloth is gathered below.
+    """
     across = max(int(np.ceil(width_mm / step_mm)), 4)
     along = max(int(np.ceil(length_mm / step_mm)), 4)
     u = np.linspace(0.0, width_mm, across * SAMPLES_PER_STEP + 1)
@@ -79,6 +83,10 @@ def scarf_mesh(
     columns = slice(None, None, SAMPLES_PER_STEP)
     x, z, u = x[columns], z[columns], u[columns]
     x, z = x - 0.5 * (x[0] + x[-1]), z - z.mean()
+    if rail_radius_mm > 0:
+        flat = u - 0.5 * width_mm
+        places = _over_rail(x, z, flat, front_share * length_mm - v, rail_radius_mm)
+        return _grid_mesh(places, u, v, wraps=False)
     shape = (len(v), len(u))
     position = np.stack(
         [
@@ -89,6 +97,25 @@ def scarf_mesh(
         axis=2,
     )
     return _grid_mesh(position, u, v, wraps=False)
+
+
+def _over_rail(x: np.ndarray, z: np.ndarray, flat: np.ndarray, s: np.ndarray, radius: float) -> np.ndarray:
+    """Places of a scarf over a rail around the x axis, shape [s, u, 3].
+
+    `x`, `z`: the pleated section; `flat`: where the same threads lie on the rail; `s`: length of cloth from
+    the top of the rail, toward the back where negative.
+    """
+    quarter = 0.5 * np.pi * radius
+    hang = np.maximum(np.abs(s) - quarter, 0.0)
+    angle = np.clip(s, -quarter, quarter) / radius
+    t = np.clip(hang / (0.35 * np.abs(s).max()), 0.0, 1.0)
+    share = (t * t * (3 - 2 * t))[:, None]
+    toward = np.stack([np.zeros_like(s), np.cos(angle), np.sin(angle)], axis=1)
+    position = radius * toward + hang[:, None] * np.array([0.0, -1.0, 0.0])
+    across = share * x + (1 - share) * flat
+    lift = share * (z - z.min())  # away from the rail, so that front and back do not meet
+    out = position[:, None] + lift[..., None] * toward[:, None]
+    return out + across[..., None] * np.array([1.0, 0.0, 0.0])
 
 
 def _integral(values: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -59,6 +59,11 @@ class ScarfConfig(_Config):
     """Pleats over the width."""
     fold_depth_mm: FoldDepth = 20.0
     """From valley to crest of a pleat."""
+    rail_radius_mm: Annotated[float, Field(ge=0, le=1e4, allow_inf_nan=False)] = 0.0
+    """With it the scarf lies over a rail along x, its front and back hanging down; 0 for none. The pleats end
+    on the rail, where the cloth lies flat, and so gather the cloth below by a few percent."""
+    front_share: Annotated[float, Field(gt=0, lt=1)] = 0.55
+    """Of the length, what hangs in front of the rail's top."""
     step_mm: Length = 2.0
     """Size of the mesh's triangles."""
 

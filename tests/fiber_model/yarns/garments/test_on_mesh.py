@@ -248,6 +248,21 @@ def test_a_scarf_bends_and_does_not_stretch():
     assert report.stretch_max < 1.0005
 
 
+def test_a_scarf_over_a_rail_hangs_on_both_sides_and_hardly_stretches():
+    mesh = scarf_mesh(
+        width_mm=60, length_mm=240, fold_depth_mm=3, rail_radius_mm=8, front_share=0.6, step_mm=1
+    )
+    front, back = mesh.vertices[mesh.vertices[:, 2] > 0], mesh.vertices[mesh.vertices[:, 2] < 0]
+    quarter = 4 * np.pi
+    assert front[:, 1].min() == pytest.approx(-(0.6 * 240 - quarter), abs=0.05)
+    assert back[:, 1].min() == pytest.approx(-(0.4 * 240 - quarter), abs=0.05)
+    assert mesh.vertices[:, 1].max() == pytest.approx(8.0, abs=0.02)
+    assert (mesh.vertex_normals()[mesh.vertices[:, 2] > 7.5, 2] > 0).all()
+    report = lay(mesh, KNIT).report
+    assert report.stretch_min > 0.9
+    assert report.stretch_max < 1.1
+
+
 def test_a_sleeve_keeps_its_length_and_reports_its_girth():
     mesh = sleeve_mesh(length_mm=60, cuff_girth_mm=80, top_girth_mm=100)
     yarns = lay(mesh, threads(1))
