@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weft.fiber_model.config import FibersConfig
-from weft.fiber_model.scattering.config import ScatteringConfig
 from weft.fiber_model.yarns.config import YarnsConfig
 from weft.files.input_file import InputFile, OutputPath
 from weft.fitting.config import FitConfig
@@ -19,6 +18,7 @@ from weft.voxelize.config import ForeignVolumeConfig, VoxelizeConfig
 
 from .job import Job, load_job
 from .presets import FAMILIES
+from .scattering_kinds import ScatteringTable
 
 TURN_NAME = re.compile(r"turn_\d+")
 Corner = tuple[float, float, float]
@@ -130,8 +130,8 @@ class JobConfig(_Table):
     """The sparse grid of fiber density and direction."""
     fit: FitConfig | None = None
     """Scattering parameters from measurements, for [scattering] to take."""
-    scattering: ScatteringConfig | None = None
-    """How a fiber scatters light."""
+    scattering: ScatteringTable | None = None
+    """How a fiber scatters light; by `kind`, what the volume holds in place of fibers."""
     render: RenderTable | None = None
     """The picture."""
     output: OutputTable = OutputTable()

@@ -66,7 +66,11 @@ def _lobes_of_json(path: Path) -> Lobes:
     document = read_json(path, max_bytes=MAX_BYTES, what="scattering parameters")
     if isinstance(document, dict) and document.get("format") == FIT_FORMAT:
         return {path.stem: load_parameters(path).parameters}
-    media = read_scattering(path)
+    media = {
+        name: one for name, one in read_scattering(path).items() if isinstance(one, FiberScatteringParameters)
+    }
+    if not media:
+        raise InputError("holds no fibers' lobes, but simple phase functions", path=path)
     return {path.stem if name == EVERY_MEDIUM else name: parameters for name, parameters in media.items()}
 
 

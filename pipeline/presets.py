@@ -53,7 +53,7 @@ def apply_presets(
 
 
 def _complete_types(document: TomlDocument) -> TomlDocument:
-    """Lay each [scattering.by_type.<yarn type>] over [scattering], unless it names its own preset or fit.
+    """Lay each [scattering.by_type.<yarn type>] over [scattering], unless it has a preset, fit or kind.
 
     [fibers.by_type.…] is left as it is: the fiber stage lays it over [fibers] itself.
     """
@@ -63,7 +63,7 @@ def _complete_types(document: TomlDocument) -> TomlDocument:
         return document
     shared = without(base, "by_type")
     for name, table in types.table.items():
-        if isinstance(table, dict) and not {"preset", "fit"} & set(table):
+        if isinstance(table, dict) and not {"preset", "fit", "kind"} & set(table):
             path = (*BY_TYPE, name)
             document = merge(document, placed_at(merge(shared, _part(document, path)), path))
     return document

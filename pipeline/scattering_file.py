@@ -9,30 +9,45 @@ from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 from weft.files.json_file import read_json
+from weft.renderer.media_config import HenyeyGreensteinScattering, IsotropicScattering, SggxScattering
+from weft.renderer.simple_phases import HenyeyGreensteinPhase, IsotropicPhase, SggxPhase, SimplePhase
 
 FORMAT = "weft scattering parameters"
 FORMAT_VERSION = 1
 MAX_BYTES = 2**24
+Scattering = FiberScatteringParameters | SimplePhase
+SIMPLE: dict[str, Any] = {
+    "isotropic": IsotropicScattering,
+    "henyey_greenstein": HenyeyGreensteinScattering,
+    "sggx": SggxScattering,
+}
+KIND_OF: dict[type, str] = {
+    IsotropicPhase: "isotropic",
+    HenyeyGreensteinPhase: "henyey_greenstein",
+    SggxPhase: "sggx",
+}
 EVERY_MEDIUM = "*"
 """The entry for the media that have none of their own."""
 
 
-def write_scattering(path: Path, media: Mapping[str, FiberScatteringParameters]) -> None:
+def write_scattering(path: Path, media: Mapping[str, Scattering]) -> None:
     document = {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "units": {"angles": "rad", "colors": "linear RGB"},
-        "media": {name: asdict(parameters) for name, parameters in media.items()},
+        "media": {name: _document(parameters) for name, parameters in media.items()},
     }
     with atomic_write(path) as temporary:
         temporary.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def read_scattering(path: Path) -> dict[str, FiberScatteringParameters]:
+def read_scattering(path: Path) -> dict[str, Scattering]:
     """Raises `InputError` where the file is not one of ours."""
     document = read_json(path, max_bytes=MAX_BYTES, what="scattering parameters")
     if not isinstance(document, dict) or document.get("format") != FORMAT:
@@ -46,7 +61,20 @@ def read_scattering(path: Path) -> dict[str, FiberScatteringParameters]:
     return {name: _parameters(values, f"media.{name}", path) for name, values in media.items()}
 
 
-def _parameters(values: Any, place: str, path: Path) -> FiberScatteringParameters:
+def _document(one: Scattering) -> dict[str, Any]:
+    return ({"kind": KIND_OF[type(one)]} if type(one) in KIND_OF else {}) | asdict(one)
+
+
+def _simple(values: dict[str, Any], place: str, path: Path) -> SimplePhase:
+    try:
+        return SIMPLE[values["kind"]](**values).to_phase()
+    except (KeyError, ValidationError) as error:
+        raise InputError(f"is no scattering of kind {values['kind']!r}", path=path, place=place) from error
+
+
+def _parameters(values: Any, place: str, path: Path) -> Scattering:
+    if isinstance(values, dict) and isinstance(values.get("kind"), str):
+        return _simple(values, place, path)
     if not isinstance(values, dict) or not NEEDED <= set(values) <= set(TYPES):
         raise InputError(f"needs {', '.join(sorted(NEEDED))}", path=path, place=place)
     try:

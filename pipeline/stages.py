@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from weft.files.errors import InputError
 
@@ -22,17 +22,18 @@ from .fit_stage import FIT
 from .job import Job
 from .messages import JobErrors, Problem, did_you_mean, shown
 from .pictures_of import jobs_of_pictures, picture_files
+from .scattering_kinds import Scattering, by_medium, described
 from .stage import Progress, Stage, StageInput, StageWork
 from .stop_requests import StopRequests
 
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
-    from weft.fiber_model.scattering.parameters import FiberScatteringParameters
     from weft.fiber_model.yarns.yarns import YarnSet
     from weft.renderer.brick_file import BrickFile
     from weft.voxelize.config import ForeignVolumeConfig
     from weft.voxelize.grid import FiberVolume
 
+OneKind = TypeVar("OneKind", bound=Scattering)
 CHECKPOINT_SUFFIX = ".checkpoint.exr"
 """After the name of the picture."""
 BYTES_PER_FILE_BYTE = 4
@@ -142,17 +143,16 @@ def make_scattering(work: StageWork) -> dict[str, Any]:
 
     config = work.job.table("scattering")
     write_scattering(work.outputs["parameters"], scattering_by_medium(work.job))
-    return {"summary": config.preset or (config.fit.name if config.fit else "as given")}
+    return {"summary": described(config)}
 
 
-def scattering_by_medium(job: Job) -> dict[str, FiberScatteringParameters]:
+def scattering_by_medium(job: Job) -> dict[str, Scattering]:
     """What [scattering] says of each medium it names, and of all others."""
     from .scattering_file import EVERY_MEDIUM
 
     config = job.table("scattering")
     refuse_unknown_types(job, [name for name in config.by_type if name == EVERY_MEDIUM], ())
-    media = {EVERY_MEDIUM: config.to_parameters()}
-    return media | {name: config.parameters_for(name) for name in config.by_type}
+    return by_medium(config, EVERY_MEDIUM)
 
 
 def make_image(work: StageWork) -> dict[str, Any]:
@@ -266,8 +266,8 @@ def load_volume(path: Path, foreign: ForeignVolumeConfig | None = None) -> Fiber
 
 
 def media_scattering(
-    job: Job, parameters: dict[str, FiberScatteringParameters], volume: FiberVolume | BrickFile
-) -> dict[str, FiberScatteringParameters]:
+    job: Job, parameters: dict[str, OneKind], volume: FiberVolume | BrickFile
+) -> dict[str, OneKind]:
     """The scattering of each medium of the volume. Refuses entries that no medium has."""
     from weft.voxelize.grid_files import base_medium
 
@@ -375,7 +375,12 @@ GRID_CODE = tuple(
         "vdb_stream",
     )
 )
-SCATTERING_CODE = ("fiber_model/scattering/config.py", "fiber_model/scattering/parameters.py")
+SCATTERING_CODE = (
+    "fiber_model/scattering/config.py",
+    "fiber_model/scattering/parameters.py",
+    "renderer/media_config.py",
+    "renderer/simple_phases.py",
+)
 
 CHAIN: dict[str, Stage] = {
     stage.name: stage

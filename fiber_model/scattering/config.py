@@ -57,6 +57,8 @@ class LobesConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
+    kind: Literal["fibers"] = "fibers"
+    """Fibers, as here; jobs also take "isotropic", "henyey_greenstein" and "sggx"."""
     preset: str | None = None
     """Name of the table of presets/scattering/ that the values came from; the caller merges it."""
     fit: InputFile | None = None

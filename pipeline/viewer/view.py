@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from weft.fiber_model.scattering.config import ScatteringConfig
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.errors import InputError
 from weft.pipeline.job import Job
@@ -66,6 +67,8 @@ def load_easel(job: Job) -> Easel:
 
 def _lobes(job: Job) -> dict[str, FiberScatteringParameters]:
     config = job.table("scattering")
+    if not isinstance(config, ScatteringConfig):
+        raise InputError(f"'view' shows fibers; [scattering] is of kind {config.kind!r}", path=job.path)
     types = {name: config.parameters_for(name) for name in config.by_type}
     return {EVERY_MEDIUM: config.to_parameters()} | types
 
