@@ -17,7 +17,7 @@ from .brick_pool import BrickPool
 from .gpu import buffers
 from .gpu.device_memory import is_software, named_block_bytes
 from .gpu.programs import compute_program, set_uniforms
-from .heartbeat import dispatching
+from .heartbeat import dispatch_share, dispatching
 from .pager import BrickPager, pool_capacity
 from .passes import MODE_IDLE, MODE_PARKED, Pass, PassState, Window, range_window, window_ranges
 from .scene import Scene
@@ -257,8 +257,10 @@ class Kernel:
 
     def advance(self) -> int:
         """One dispatch; the number of samples it finished. `busy` says whether the pass needs another."""
+        if not self.compiled:
+            self._let_the_driver_compile()
         started = time.perf_counter()
-        with dispatching(software=is_software(self.context), first=not self.counts.dispatches):
+        with dispatching(software=is_software(self.context)):
             self.program["round_count"] = self.rounds
             self.program.run(self.lane_count // GROUP_SIZE)
             self.context.memory_barrier()
@@ -278,6 +280,17 @@ class Kernel:
         self.busy = bool(values[BUSY_LANES])
         return int(values[3])
 
+    def _let_the_driver_compile(self) -> None:
+        """A dispatch of no rounds, so that the true ones can be told from a device that hangs."""
+        before = buffers.read(self.counters, np.uint32)
+        with dispatching(software=is_software(self.context), compiles=True):
+            self.program["round_count"] = 0
+            self.program.run(1)
+            self.context.memory_barrier()
+            buffers.read(self.counters, np.uint32)
+        self.counters.write(before)
+        self.compiled = True
+
     def _wanted_bricks(self) -> np.ndarray:
         """What each lane waits for, uint32, shape [lane_count]."""
         row = self.lane_count * 16
@@ -287,7 +300,8 @@ class Kernel:
         """Rounds of the next dispatch: toward the wished duration, at most doubled, within the budget."""
         if self.options.rounds_per_dispatch:
             return
-        factor = min(2.0, max(0.25, self.options.dispatch_seconds / max(seconds, 1e-6)))
+        wished = self.options.dispatch_seconds * dispatch_share()
+        factor = min(2.0, max(0.25, wished / max(seconds, 1e-6)))
         self.rounds = int(np.clip(round(self.rounds * factor), 1, self.most_rounds))
 
     @property
@@ -363,6 +377,7 @@ class Kernel:
         return states
 
     def _compile(self) -> moderngl.ComputeShader:
+        self.compiled = False
         return compute_program(
             self.context,
             "path/trace.comp",

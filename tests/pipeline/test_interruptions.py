@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -81,6 +83,46 @@ def test_a_signal_leaves_a_checkpoint_and_a_picture(fresh, sent, code):
     np.testing.assert_array_equal(channels["G"][here], picture["G"][here])
     assert exit_code(["render", str(path), *SETTINGS, "--resume"]) == 0
     assert_same(out / "image.exr", picture)
+
+
+def waited_for_a_processor(process):
+    """Seconds that the main thread of the rendering child could have run and was not let."""
+    child = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()[0]
+    return int(Path(f"/proc/{child}/schedstat").read_text().split()[1]) / 1e9
+
+
+def seconds_to_end(process):
+    """From now on, without those in which other processes had the processors; and with them."""
+    started, first = time.monotonic(), waited_for_a_processor(process)
+    last = first
+    while process.poll() is None:
+        with suppress(OSError, IndexError):  # it has just ended
+            last = waited_for_a_processor(process)
+        time.sleep(0.01)
+    wall = time.monotonic() - started
+    return wall - (last - first), wall
+
+
+SIZES = [
+    pytest.param(64, 0, id="small"),
+    pytest.param(1024, 60, id="a million pixels", marks=pytest.mark.proof),
+]
+
+
+@pytest.mark.parametrize(("size", "checkpoint_s"), SIZES)
+def test_sigterm_leaves_a_valid_checkpoint_within_five_seconds(fresh, size, checkpoint_s):
+    """And the picture so far. In the process's own time: a busy machine may hold it up for longer."""
+    path, _, out = fresh
+    more = ["--set", f"render.resolution=[{size},{size}]", "--set", f"output.checkpoint_s={checkpoint_s}"]
+    process = start(path, *more, "--set", "render.samples_per_pixel=4096")
+    wait_for(out / ("image.rendering.png" if checkpoint_s else "image.checkpoint.exr"), process)
+    process.send_signal(signal.SIGTERM)
+    own, wall = seconds_to_end(process)
+    size_mb = (out / "image.checkpoint.exr").stat().st_size / 1e6
+    print(f"SIGTERM: {own:.2f} s of its own, {wall:.2f} s by the clock, a checkpoint of {size_mb:.0f} MB")
+    assert process.returncode == 143
+    assert read_checkpoint(out / "image.checkpoint.exr").begun is not None
+    assert own <= 5.0
 
 
 def wait_for_another(file, before, process, seconds=60):
