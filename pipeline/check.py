@@ -78,7 +78,7 @@ def _memory(job: Job, yarns: YarnSet) -> Iterator[str]:
         return
     from weft.fiber_model.fibers import run
 
-    from .stages import start_warp
+    from .warp_start import start_warp
 
     start_warp()
     fibers = run(job.table("fibers"), yarns)

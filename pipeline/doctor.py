@@ -160,7 +160,7 @@ def _mebibytes(count: int | None) -> str | None:
 def _probe_warp() -> tuple[bool, str, str]:
     import warp
 
-    from .stages import start_warp
+    from .warp_start import start_warp
 
     start_warp()
     return True, f"{warp.__version__} on {', '.join(str(device) for device in warp.get_devices())}", ""

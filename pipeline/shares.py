@@ -12,9 +12,10 @@ from weft.files.errors import InputError
 
 from .job import Job
 from .messages import shown
+from .picture_volume import picture_volume
 from .progress import Reporter
 from .run import input_files
-from .stages import CHAIN, load_volume, media_scattering, scattering_by_medium
+from .stages import CHAIN, media_scattering, scattering_by_medium
 from .stop_requests import StopRequests
 
 Window = tuple[int, int, int, int]
@@ -66,7 +67,7 @@ def _render_share(
 
     table = job.table("render")
     part = Share(_blocks(table, blocks), _windows(table.window, tiles, tile_size))
-    volume = load_volume(_volume_file(job))
+    volume = picture_volume(job, _volume_file(job))
     lobes = media_scattering(job, scattering_by_medium(job), volume)
     stopping = StopRequests()
     with report.work("render") as progress:

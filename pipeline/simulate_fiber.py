@@ -19,9 +19,9 @@ from .merging import merge
 from .messages import JobErrors, Problem
 from .overrides import apply_overrides
 from .progress import Reporter
-from .stages import start_warp
 from .toml_source import TomlDocument, read_toml
 from .validation import problems_of
+from .warp_start import start_warp
 
 if TYPE_CHECKING:
     from weft.fiber_model.optics.histogram import ScatteringHistogram

@@ -6,38 +6,32 @@ chosen part. Results are handed on as files, so that a picture shows what is on 
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, is_dataclass
-from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from weft.files.errors import InputError
 
-from .cache import stamp_of
 from .camera_voxels import camera_settings, sized_by_camera
 from .fit_stage import FIT
 from .job import Job
 from .messages import JobErrors, Problem, did_you_mean, shown
+from .picture_volume import level_hashes, picture_volume
 from .pictures_of import jobs_of_pictures, picture_files
 from .scattering_kinds import Scattering, by_medium, described
 from .stage import Progress, Stage, StageInput, StageWork
 from .stop_requests import StopRequests
+from .warp_start import start_warp
 
 if TYPE_CHECKING:
     from weft.fiber_model.fibers import FiberSet
     from weft.fiber_model.yarns.yarns import YarnSet
-    from weft.renderer.brick_file import BrickFile
-    from weft.voxelize.config import ForeignVolumeConfig
-    from weft.voxelize.grid import FiberVolume
+    from weft.renderer.brick_pool import LevelShare
+    from weft.renderer.scene import AnyVolume
 
 OneKind = TypeVar("OneKind", bound=Scattering)
 CHECKPOINT_SUFFIX = ".checkpoint.exr"
 """After the name of the picture."""
-BYTES_PER_FILE_BYTE = 4
-"""What a volume takes in memory by the size of its .vdb file: of a twill, 3.9 times as much."""
 FIBERS_SHARE = 0.1
 """Part of the progress of `voxelize` and `fibers` that goes to laying out the fibers."""
 
@@ -162,7 +156,7 @@ def make_image(work: StageWork) -> dict[str, Any]:
     from .pictures_of import unfinished_picture
     from .scattering_file import read_scattering
 
-    volume = _picture_volume(work)
+    volume = picture_volume(work.job, work.inputs["volume"])
     lobes = media_scattering(work.job, read_scattering(work.inputs["scattering"]), volume)
     checkpoint, stopping = work.outputs["image"].with_suffix(CHECKPOINT_SUFFIX), StopRequests()
     keeping = Keeping(checkpoint, work.job.config.output.checkpoint_s, work.resume)
@@ -180,9 +174,21 @@ def make_image(work: StageWork) -> dict[str, Any]:
     return {
         "summary": f"{width} x {height}, {statistics.samples_per_pixel} samples per pixel, "
         f"{statistics.paths / max(statistics.seconds, 1e-9) / 1e6:.3g} M paths/s on {statistics.device}"
-        + (f"; for want of memory {statistics.made_smaller}" if statistics.made_smaller else ""),
+        + (f"; for want of memory {statistics.made_smaller}" if statistics.made_smaller else "")
+        + _detail(statistics.detail),
         **_plain(statistics),
     }
+
+
+def _detail(shares: Sequence[LevelShare]) -> str:
+    """How much of the cloth is drawn in which voxels, and how far off they are, as far as that is known."""
+    parts = [
+        f"{share.fiber_share:.0%} of the fiber in voxels of {share.voxel_size_mm:g} mm"
+        + (f" (extinction off by {share.extinction_error_rms:.2g})" if share.extinction_error_rms else "")
+        for share in shares
+        if share.brick_count
+    ]
+    return "; " + ", ".join(parts) if parts else ""
 
 
 def fiber_set(work: StageWork) -> FiberSet:
@@ -198,76 +204,7 @@ def fiber_set(work: StageWork) -> FiberSet:
     )
 
 
-def start_warp() -> None:
-    """Start Warp without its own lines (its devices, a missing CUDA driver, each kernel it compiles)."""
-    import warp
-
-    warp.config.log_level = warp.LOG_ERROR
-    with without_native_stderr():
-        warp.init()
-
-
-@contextmanager
-def without_native_stderr() -> Iterator[None]:
-    """Drop what native libraries write to standard error, which Python cannot intercept otherwise."""
-    kept = os.dup(2)
-    try:
-        with open(os.devnull, "w") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-
-
-def _picture_volume(work: StageWork) -> FiberVolume | BrickFile:
-    """On the disk where the device holds a part at a time; what is to be cut or converted, in memory."""
-    path, table = work.inputs["volume"], work.job.table("render")
-    own = path.suffix == ".vdb" and table.foreign is None and table.stencil is None
-    on_disk = own and (table.brick_pool_mb is not None or _larger_than_memory(path))
-    return _kept_volume(path, stamp_of(path).sha256, table.foreign, on_disk)
-
-
-def _larger_than_memory(path: Path) -> bool:
-    """Whether a volume of ours would not fit in this machine's memory; it is then read from the disk."""
-    from weft.files.machine_memory import available_memory_bytes
-
-    return path.stat().st_size * BYTES_PER_FILE_BYTE > available_memory_bytes()
-
-
-@lru_cache(maxsize=1)
-def _kept_volume(
-    path: Path, sha256: str, foreign: ForeignVolumeConfig | None, on_disk: bool
-) -> FiberVolume | BrickFile:
-    """A volume is read once for all pictures of a run, or laid out in a file of bricks beside it."""
-    if not on_disk:
-        return load_volume(path, foreign)
-    from weft.renderer.brick_file import open_brick_file
-
-    return open_brick_file(path)
-
-
-def load_volume(path: Path, foreign: ForeignVolumeConfig | None = None) -> FiberVolume:
-    """By its suffix; `foreign` for what another program wrote. `InputError` for other kinds of file."""
-    if foreign is not None:
-        from weft.voxelize.foreign import read_foreign
-
-        return read_foreign(path, foreign)
-    if path.suffix == ".nvdb":
-        from weft.voxelize.nanovdb import read_volume as read_nvdb
-
-        start_warp()
-        return read_nvdb(path)
-    if path.suffix == ".vdb":
-        from weft.voxelize.vdb import read_volume as read_vdb
-
-        return read_vdb(path)
-    raise InputError("is neither a .vdb nor a .nvdb file", path=path)
-
-
-def media_scattering(
-    job: Job, parameters: dict[str, OneKind], volume: FiberVolume | BrickFile
-) -> dict[str, OneKind]:
+def media_scattering(job: Job, parameters: dict[str, OneKind], volume: AnyVolume) -> dict[str, OneKind]:
     """The scattering of each medium of the volume. Refuses entries that no medium has."""
     from weft.voxelize.grid_files import base_medium
 
@@ -434,6 +371,7 @@ CHAIN: dict[str, Stage] = {
             outputs=picture_files,
             parts=jobs_of_pictures,
             work=make_image,
+            other_settings=level_hashes,
             code=("renderer", *LOBE_CODE, *GRID_CODE),
             libraries=("numpy", "moderngl", "OpenEXR", "pillow"),
         ),

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .brick_pool import EMPTY_CELL
+from .brick_pool import EMPTY_CELL, LEVEL_SHIFT
 
 SMALLEST_SIDE = 8
 """Pixels below which no side is halved."""
@@ -34,6 +34,8 @@ class OccupiedCells:
     """First brick, int64, shape [cell_count]."""
     layers: np.ndarray
     """Number of bricks, int64, shape [cell_count]."""
+    sides: np.ndarray
+    """Cells along its edge, int64, shape [cell_count]: one but for bricks of coarser levels."""
 
 
 @dataclass(frozen=True)
@@ -57,16 +59,26 @@ class RenderBatch:
     cells: np.ndarray
 
 
-def occupied_cells(cells: np.ndarray) -> OccupiedCells:
-    """From the words of all cells (brick_pool.py)."""
+def occupied_cells(cells: np.ndarray, *, leveled: bool = False) -> OccupiedCells:
+    """From the words of all cells (brick_pool.py). `leveled`: of levels; what shares bricks is one."""
     flat = np.flatnonzero(cells.reshape(-1) < EMPTY_CELL)
     words = cells.reshape(-1)[flat]
     places = np.stack(np.unravel_index(flat, cells.shape), axis=-1).astype(np.int32)
-    return OccupiedCells(places, (words & 0x0FFFFFFF).astype(np.int64), (words >> 28).astype(np.int64) + 1)
+    layers = (words >> 28).astype(np.int64) + 1
+    if not leveled:
+        return OccupiedCells(places, (words & 0x0FFFFFFF).astype(np.int64), layers, np.ones_like(layers))
+    first, cell = np.unique(words & (1 << LEVEL_SHIFT) - 1, return_index=True)
+    level = (words[cell] >> LEVEL_SHIFT & 7).astype(np.int64)
+    corners = (places[cell] >> level[:, None]) << level[:, None]
+    return OccupiedCells(corners.astype(np.int32), first.astype(np.int64), layers[cell], 1 << level)
 
 
-def cell_footprints(places: np.ndarray, camera: Mapping[str, Any], margin: float) -> Footprints:
+def cell_footprints(
+    places: np.ndarray, camera: Mapping[str, Any], margin: float, sides: np.ndarray | None = None
+) -> Footprints:
     """Pixels that may see each cell, by the ball around it and `margin` pixels more.
+
+    `sides`: cells along the edge of each, where they are not all single.
 
     `camera`: the kernel's uniforms `camera_*`, `lens` and `image_size`, in voxels.
     """
@@ -75,12 +87,14 @@ def cell_footprints(places: np.ndarray, camera: Mapping[str, Any], margin: float
     depth = np.empty(count, np.float32)
     for start in range(0, count, CELLS_PER_CHUNK):
         part = slice(start, start + CELLS_PER_CHUNK)
-        low[part], high[part], depth[part] = _project(places[part] * 8.0 + 4.0, camera, margin)
+        side = np.ones(len(places[part])) if sides is None else sides[part]
+        middle = places[part] * 8.0 + 4.0 * side[:, None]
+        low[part], high[part], depth[part] = _project(middle, CELL_RADIUS * side, camera, margin)
     return Footprints(low, high, depth)
 
 
 def _project(
-    points: np.ndarray, camera: Mapping[str, Any], margin: float
+    points: np.ndarray, radius: np.ndarray, camera: Mapping[str, Any], margin: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     size = np.array(camera["image_size"], float)
     offset = points - np.array(camera["camera_position"])
@@ -90,16 +104,16 @@ def _project(
     across = offset @ (axes / reach)
     near, far = np.ones(len(points)), np.ones(len(points))
     if camera["camera_perspective"]:
-        near, far = np.maximum(depth - CELL_RADIUS, 1e-6), np.maximum(depth + CELL_RADIUS, 1e-6)
+        near, far = np.maximum(depth - radius, 1e-6), np.maximum(depth + radius, 1e-6)
     edges = np.stack(
-        [(across + side) / t[:, None] for side in (-CELL_RADIUS, CELL_RADIUS) for t in (near, far)]
+        [(across + side[:, None]) / t[:, None] for side in (-radius, radius) for t in (near, far)]
     )
     blur = _blur(camera["lens"], near, far)[:, None]
     low = (edges.min(axis=0) - blur) / reach
     high = (edges.max(axis=0) + blur) / reach
     # rows count downward
     low[:, 1], high[:, 1] = -high[:, 1], -low[:, 1].copy()
-    behind = camera["camera_perspective"] and depth + CELL_RADIUS <= 0
+    behind = camera["camera_perspective"] and depth + radius <= 0
     pixels = [np.clip((s + 1) / 2 * size, -1e6, 1e6) for s in (low, high)]
     first, last = np.floor(pixels[0] - margin), np.floor(pixels[1] + margin)
     last = np.where(np.reshape(behind, (-1, 1)), first - 1, last)

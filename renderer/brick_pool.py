@@ -2,7 +2,9 @@
 
 A cell is the place of one brick of 8 x 8 x 8 voxels. Its word in `cells` says
 - occupied: bit 31 clear, bits 28..30 the number of layers less one, bits 0..27 the first brick. The bricks of
-  one cell (one per medium that has fiber there) follow each other, so overlapping media add exactly;
+  one cell (one per medium that has fiber there) follow each other, so overlapping media add exactly. Where
+  bricks are of several levels (volume_levels.py), bits 25..27 are theirs: voxels 2^level times as large, in a
+  brick that all cells which it covers name;
 - empty: bit 31 set, bits 0..15 the Chebyshev radius r in cells such that the (2r+1)^3 cells around it are
   empty, so a ray crosses the whole box in one step (proximity clouds, Cohen and Sheffer 1994).
 
@@ -32,6 +34,8 @@ MAX_LAYERS = 8
 MAX_CELLS = 1 << 28
 MAX_EMPTY_RADIUS_IN_BRICK = 7
 BRICKS_PER_CHUNK = 2048
+LEVEL_SHIFT = 25
+"""Of a cell's word, where bricks are of several levels."""
 
 
 class VoxelRows(Protocol):
@@ -39,6 +43,19 @@ class VoxelRows(Protocol):
 
     def __len__(self) -> int: ...
     def __getitem__(self, bricks: Any) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class LevelShare:
+    """What of a volume is drawn at one level of detail."""
+
+    level: int
+    voxel_size_mm: float
+    brick_count: int
+    fiber_share: float
+    """Of all fiber that is drawn."""
+    extinction_error_rms: float | None
+    """Relative, against the finest voxels, as voxelize measured it; None where it is not known."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +81,10 @@ class BrickPool:
     """Largest number of media in one cell."""
     has_colors: bool = False
     """Whether words of dye follow those of each brick."""
+    coarsest_level: int = 0
+    """Of its bricks; 0: all have the same voxels."""
+    detail: tuple[LevelShare, ...] = ()
+    """How much of it is drawn at which level, where levels were chosen."""
 
     @property
     def brick_words(self) -> int:
@@ -102,7 +123,7 @@ def build_brick_pool(grids: Sequence[FiberGrid]) -> BrickPool:
     """Superpose the grids, one medium each, in order. Raises `InputError` for what cannot be rendered."""
     voxel_size = _common_voxel_size(grids)
     for index, grid in enumerate(grids):
-        _check_values(grid, index)
+        check_values(grid, index)
     places = arrange_bricks([grid.origins for grid in grids])
     voxels, step, level = _quantize(grids, places.order)
     return BrickPool(
@@ -125,16 +146,21 @@ def arrange_bricks(media: Sequence[np.ndarray]) -> BrickOrder:
     places = np.concatenate([np.asarray(origins, np.int64) for origins in media]) // BRICK_SIZE
     low = places.min(axis=0)
     shape = tuple(int(n) for n in places.max(axis=0) - low + 1)
-    if np.prod(shape, dtype=float) > MAX_CELLS:
-        raise DeviceMemoryError(
-            f"render: the volume spans {shape} bricks, more than the renderer's {MAX_CELLS}.",
-            hint="Raise voxelize.voxel_size_mm.",
-        )
+    refuse_too_many_cells(shape)
     flat = np.ravel_multi_index(tuple((places - low).T), shape)
     order = np.lexsort((medium, flat))
     flat, medium = flat[order], medium[order]
     cells, layer_count = _link_cells(flat, medium, shape)
     return BrickOrder(low * BRICK_SIZE, cells, order, medium, layer_count)
+
+
+def refuse_too_many_cells(shape: tuple[int, ...]) -> None:
+    """Raise `DeviceMemoryError` for a lattice of more cells than the kernel can number."""
+    if np.prod(shape, dtype=float) > MAX_CELLS:
+        raise DeviceMemoryError(
+            f"render: the volume spans {shape} bricks, more than the renderer's {MAX_CELLS}.",
+            hint="Raise voxelize.voxel_size_mm.",
+        )
 
 
 def _common_voxel_size(grids: Sequence[FiberGrid]) -> float:
@@ -148,7 +174,8 @@ def _common_voxel_size(grids: Sequence[FiberGrid]) -> float:
     return sizes[0]
 
 
-def _check_values(grid: FiberGrid, index: int) -> None:
+def check_values(grid: FiberGrid, index: int) -> None:
+    """Raise `InputError` for what cannot be rendered."""
     if not (np.isfinite(grid.fiber_radius_mm) and grid.fiber_radius_mm > 0):
         raise InputError(
             f"render: medium {index} has fiber radius {grid.fiber_radius_mm} mm; it must be positive."
@@ -207,6 +234,25 @@ def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray
                 voxels[place, BRICK_VOXELS:] = color_words(grid.albedo[chunk])
         start += len(grid.origins)
     return voxels, step, level
+
+
+def quantize_bricks(
+    grids: Sequence[FiberGrid], rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Voxel words, density steps and largest levels of some bricks, counted through the grids in order."""
+    starts = np.cumsum([0, *(grid.brick_count for grid in grids)])
+    colored = any(grid.albedo is not None for grid in grids)
+    words = np.full((len(rows), BRICK_VOXELS * (1 + colored)), WHITE, np.uint32)
+    step, level = np.empty(len(rows), np.float32), np.empty(len(rows), np.uint32)
+    for grid, start, stop in zip(grids, starts, starts[1:], strict=False):
+        mine = np.flatnonzero((rows >= start) & (rows < stop))
+        if len(mine):
+            own = rows[mine] - start
+            voxels, step[mine], level[mine] = _quantize_chunk(grid.density[own], grid.direction[own])
+            words[mine, :BRICK_VOXELS] = voxels
+            if grid.albedo is not None:
+                words[mine, BRICK_VOXELS:] = color_words(grid.albedo[own])
+    return words, step, level
 
 
 def _quantize_chunk(density: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

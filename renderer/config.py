@@ -265,6 +265,12 @@ class RenderConfig(Settings):
 
     Paths that need other voxels wait for them; the picture is the same, bit by bit.
     """
+    detail_pixels: float | None = Field(default=None, gt=0)
+    """Largest edge of a voxel in pixels: farther cloth is drawn from coarser levels (`voxelize.levels`).
+
+    Unset: all of it in its finest voxels, exactly. 1 is a voxel a pixel; renderer/README.md says how far
+    pictures are off. Less memory and fewer steps the farther the camera.
+    """
     outside_batch: Literal["park", "homogeneous"] = "park"
     """What paths meet that leave the frustum of the part of the screen whose voxels are in the pool.
 
@@ -324,6 +330,13 @@ class RenderConfig(Settings):
     def _homogeneous_needs_a_pool(self) -> RenderConfig:
         if self.outside_batch == "homogeneous" and self.brick_pool_mb is None:
             raise ValueError('outside_batch = "homogeneous" has no effect without brick_pool_mb')
+        return self
+
+    @model_validator(mode="after")
+    def _detail_is_of_fibers_alone(self) -> RenderConfig:
+        for name, used in (("media", self.media), ("outside_batch", self.outside_batch != "park")):
+            if self.detail_pixels is not None and used:
+                raise ValueError(f"detail_pixels and {name} do not go together; leave one of them out")
         return self
 
     @model_validator(mode="after")

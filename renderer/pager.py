@@ -85,7 +85,7 @@ class BrickPager:
         self, context: moderngl.Context, scene: Scene, capacity: int, records: np.ndarray, page_bricks: int
     ) -> None:
         self._scene = scene
-        self._cells: OccupiedCells = occupied_cells(scene.pool.cells)
+        self._cells: OccupiedCells = occupied_cells(scene.pool.cells, leveled=scene.pool.coarsest_level > 0)
         self._footprints: Footprints | None = None
         self._residency = Residency(self._cells.first, self._cells.layers, capacity)
         self._page_bricks = page_bricks
@@ -128,7 +128,9 @@ class BrickPager:
         """Parts of a rectangle of pixels that fit the pool."""
         if self._footprints is None:
             margin = getattr(self._scene.config.filter, "radius_px", 0.0)
-            self._footprints = cell_footprints(self._cells.places, self._scene.uniforms(), margin)
+            self._footprints = cell_footprints(
+                self._cells.places, self._scene.uniforms(), margin, self._cells.sides
+            )
         capacity = int(self._residency.capacity * BATCH_SHARE)
         return subdivide_screen(columns, rows, self._footprints, self._cells.layers, capacity)
 

@@ -68,7 +68,13 @@ class ProgressiveRender:
 
         self.media, self.bounds_mm = volume.media, np.asarray(volume.bounds_mm)
         config = config.model_copy(
-            update={"crop": None, "noise": None, "time_s": None, "block_samples": 4096}
+            update={
+                "crop": None,
+                "noise": None,
+                "time_s": None,
+                "block_samples": 4096,
+                "detail_pixels": None,
+            }
         )
         scene = build_scene(config, volume, scattering)
         options = options or KernelOptions(dispatch_seconds=0.05)

@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from weft.voxelize.grid import FiberVolume
-
-from .brick_file import BrickFile
+from .brick_pool import LevelShare
 from .config import RenderConfig
 from .exposure import WHOLE, Exposure, Keeping, Share, never
 from .identity import picture_origin, scene_identity
@@ -20,7 +18,7 @@ from .image import write_exr, write_preview
 from .kernel import KernelOptions
 from .progress import Progress, Watch
 from .room import kernel_that_fits, what_was_made_smaller
-from .scene import Scattering, build_scene
+from .scene import AnyVolume, Scattering, build_scene
 
 Stopping = AbstractContextManager[Callable[[], bool]]
 UNSTOPPED: Stopping = nullcontext(never)
@@ -55,6 +53,8 @@ class RenderStatistics:
     """Paths that waited for a brick when a dispatch ended, summed over the dispatches."""
     made_smaller: str = ""
     """What the device had no room for, in words; the bits are those of a device that has."""
+    detail: tuple[LevelShare, ...] = ()
+    """How much of the cloth is drawn at which level, where `detail_pixels` chose."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class RenderResult:
 
 def run(
     config: RenderConfig,
-    volume: FiberVolume | BrickFile,
+    volume: AnyVolume,
     scattering: Mapping[str, Scattering],
     *,
     progress: Progress | None = None,
@@ -134,6 +134,7 @@ def run(
         bricks_used=counts.bricks_used,
         waiting_lanes=counts.waiting_lanes,
         made_smaller=what_was_made_smaller(scene, kernel),
+        detail=scene.pool.detail,
     )
     return RenderResult(config, film.layers(scene.pool.voxel_size_mm), statistics, complete)
 

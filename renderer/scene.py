@@ -13,9 +13,10 @@ from weft.files.errors import InputError
 from weft.voxelize.grid import FiberVolume
 
 from .brick_file import BrickFile
-from .brick_pool import BrickPool, build_brick_pool
+from .brick_pool import BrickPool
 from .camera import CameraFrame, place_camera
 from .config import Light, RenderConfig
+from .detail import pixel_footprint
 from .film import FILM_LAYERS, SURFACE_FILM_LAYERS
 from .gpu.shader_source import Constant
 from .lights import LightTable, LocalValues, build_light_table
@@ -27,6 +28,7 @@ from .simple_phases import IsotropicPhase
 from .stencil import cut_out
 from .surfaces import SurfaceTable, build_surface_table
 from .turned_lights import turned_lights
+from .volume_levels import VolumeLevels, finest_pool
 
 __all__ = [
     "IsotropicPhase",
@@ -47,6 +49,10 @@ LENS_PIECE = 'uniform vec4 lens;\n#include "camera/lens.glsl"\n'
 FILTER_PIECE = (
     f'uniform float filter_edges[{CELLS + 1}];\nuniform vec4 filter_shape;\n#include "film/filter.glsl"\n'
 )
+
+
+AnyVolume = FiberVolume | BrickFile | VolumeLevels
+"""In memory, on the disk, or at several levels of detail."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +106,7 @@ class Scene:
         """Compile-time options of the kernel."""
         return {
             "LAYER_COUNT": self.pool.layer_count,
+            "DETAIL": self.pool.coarsest_level > 0,
             "EXTINCTION_PROJECTED": self.config.extinction == "projected",
             "EXTINCTION_FLAKES": self.phase.flake_roughness > 0,
             "VOXEL_COLORS": self.pool.has_colors,
@@ -217,28 +224,44 @@ class Scene:
         }
 
 
-def build_scene(
-    config: RenderConfig, volume: FiberVolume | BrickFile, scattering: Mapping[str, Scattering]
-) -> Scene:
+def build_scene(config: RenderConfig, volume: AnyVolume, scattering: Mapping[str, Scattering]) -> Scene:
     """Put volume, camera and lights together. Raises `InputError` for what cannot be rendered."""
-    volume = _cut_out(config, volume)
-    names, bounds = volume.media, np.asarray(volume.bounds_mm)
-    volume, media = with_other_media(config, volume)
-    phase = build_phase_table(names, scattering, media.phases if media else ())
-    pool = volume.pool() if isinstance(volume, BrickFile) else build_brick_pool(list(volume.grids.values()))
-    pool = pool if media is None else pool_around(pool, media)
+    shown = _shown_volume(config, volume)
+    names, bounds = shown.media, np.asarray(shown.bounds_mm)
     camera = place_camera(config.camera, bounds, config.resolution)
+    media: OtherMedia | None = None
+    if isinstance(shown, VolumeLevels):
+        pool = shown.pool(pixel_footprint(camera, config.resolution), config.detail_pixels or 0.0)
+    else:
+        shown, media = with_other_media(config, shown)
+        pool = finest_pool(shown)
+        pool = pool if media is None else pool_around(pool, media)
+    phase = build_phase_table(names, scattering, media.phases if media else ())
     lighting = _lighting(config, pool, camera.axes, bounds)
     return Scene(config, pool, camera, phase=phase, media=media, **lighting)
 
 
-def _cut_out(config: RenderConfig, volume: FiberVolume | BrickFile) -> FiberVolume | BrickFile:
+def _shown_volume(config: RenderConfig, volume: AnyVolume) -> AnyVolume:
+    """What lies inside of the stencil, at the levels that the config lets choose among."""
+    if isinstance(volume, VolumeLevels) and config.detail_pixels is None:
+        volume = volume.levels[0]
+    if config.detail_pixels is not None and not isinstance(volume, VolumeLevels):
+        raise InputError(
+            "render.detail_pixels: the volume has no coarser levels.", hint="Set voxelize.levels = 3."
+        )
     if config.stencil is None:
         return volume
+    levels = volume.levels if isinstance(volume, VolumeLevels) else (volume,)
+    cut = tuple(cut_out(_in_memory(level), config.stencil) for level in levels)
+    return replace(volume, levels=cut) if isinstance(volume, VolumeLevels) else cut[0]
+
+
+def _in_memory(volume: FiberVolume | BrickFile) -> FiberVolume:
     if isinstance(volume, BrickFile):
-        what = "render.stencil: what is cut out must be in memory."
-        raise InputError(what, hint="Leave out brick_pool_mb.")
-    return cut_out(volume, config.stencil)
+        raise InputError(
+            "render.stencil: what is cut out must be in memory.", hint="Leave out brick_pool_mb."
+        )
+    return volume
 
 
 def lit_scene(scene: Scene, lights: Sequence[Light], axes: np.ndarray, bounds: np.ndarray) -> Scene:

@@ -38,6 +38,11 @@ SECOND_LOBE = "_crossing"
 """Of a coarser level, what ends the name of the medium that holds the second direction of another."""
 
 
+def level_path(path: Path, level: int) -> Path:
+    """`volume_level2.vdb` beside `volume.vdb`."""
+    return path.with_name(f"{path.stem}_level{level}{path.suffix}")
+
+
 def base_medium(name: str, media: Sequence[str]) -> str:
     """The medium whose second lobe this is; itself, where it is none."""
     base = name.removesuffix(SECOND_LOBE)

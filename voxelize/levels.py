@@ -53,11 +53,6 @@ class Level:
     report: LevelReport
 
 
-def level_path(path: Path, level: int) -> Path:
-    """`volume_level2.vdb` beside `volume.vdb`."""
-    return path.with_name(f"{path.stem}_level{level}{path.suffix}")
-
-
 def make_levels(volume: StoredVolume, folders: Sequence[Path], *, lobes: int, workers: int) -> list[Level]:
     """Levels 1, 2, ... of the volume, one for each folder; what lies in the folders already is removed."""
     kept = [PartFolder(path, fingerprint([("finest", volume.content_sha256)])) for path in folders]

@@ -20,7 +20,8 @@ from .accumulator import BrickBatch
 from .config import VoxelizeConfig
 from .fill import Progress, fill_tiles
 from .fingerprint import code_fingerprint, fingerprint
-from .levels import LevelReport, level_path, make_levels
+from .grid_files import level_path
+from .levels import LevelReport, make_levels
 from .memory import fit_tiles, refuse_what_does_not_fit
 from .parts import PartFolder, TilePart
 from .picture import draw_volume

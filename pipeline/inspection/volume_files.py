@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def volume_facts(path: Path) -> Facts:
-    from weft.pipeline.stages import load_volume
+    from weft.pipeline.picture_volume import load_volume
 
     if path.suffix.lower() == ".vdb":
         from weft.voxelize.vdb import is_from_weft, read_summaries

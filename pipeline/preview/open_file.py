@@ -13,8 +13,9 @@ import numpy as np
 from weft.files.errors import InputError
 from weft.pipeline.cache import stage_key, why_stale
 from weft.pipeline.messages import did_you_mean, placed_in, shown
+from weft.pipeline.picture_volume import load_volume
 from weft.pipeline.run import input_files
-from weft.pipeline.stages import CHAIN, load_volume
+from weft.pipeline.stages import CHAIN
 
 from .options import PreviewOptions
 from .scene import Scene
@@ -188,7 +189,7 @@ def _job_fibers(job: Job, options: PreviewOptions) -> Scene:
     from weft.fiber_model.fiber_curves import FiberSelection
     from weft.fiber_model.fibers import run
     from weft.fiber_model.yarns.build import run as run_yarns
-    from weft.pipeline.stages import start_warp
+    from weft.pipeline.warp_start import start_warp
 
     from .fiber_scene import job_fiber_scene
 

@@ -10,9 +10,10 @@ from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.files.errors import InputError
 from weft.pipeline.job import Job
 from weft.pipeline.messages import placed_in
+from weft.pipeline.picture_volume import load_volume
 from weft.pipeline.run import input_files
 from weft.pipeline.scattering_file import EVERY_MEDIUM
-from weft.pipeline.stages import CHAIN, load_volume, media_scattering
+from weft.pipeline.stages import CHAIN, media_scattering
 
 from .browser import Browser, load_viser
 from .desk import Desk

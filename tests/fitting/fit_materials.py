@@ -32,7 +32,7 @@ from weft.files.atomic import atomic_write
 from weft.fitting.config import FitConfig
 from weft.fitting.fit import run as fit
 from weft.fitting.measurements import Measurements
-from weft.pipeline.stages import start_warp
+from weft.pipeline.warp_start import start_warp
 
 LIGHTS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 HELD_OUT_DEG = (30.0, 60.0)

@@ -6,8 +6,8 @@ import pytest
 
 from weft.voxelize import nanovdb, vdb
 from weft.voxelize.config import VoxelizeConfig
+from weft.voxelize.grid_files import level_path
 from weft.voxelize.level_of_detail import coarsen
-from weft.voxelize.levels import level_path
 from weft.voxelize.openvdb_library import library_version
 from weft.voxelize.stream import voxelize_to_files
 from weft.voxelize.voxelize import run

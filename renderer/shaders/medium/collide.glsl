@@ -25,20 +25,20 @@ void consider(inout Collision chosen, Path p, uint medium, vec3 axis, vec3 tint,
 // `chosen.target` becomes -(sum of all shares) where it was 0; then u times that sum leads to one of them.
 void consider_all(inout Collision chosen, Path p) {
     uint word = cell_word(p.voxel >> 3);
-    uint first = word & 0x0fffffffu;
-    uint layers = word >= EMPTY_CELL ? 0u : (word >> 28) + 1u;
-    uint index = voxel_index(p.voxel);
+    CellBricks held = cell_bricks(word);
+    uint layers = word >= EMPTY_CELL ? 0u : held.layers;
+    uint index = voxel_index(p.voxel, held.level);
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
         if (layer < layers) {
-            uvec2 brick = bricks[first + layer];
-            uint stored = voxel_word(first + layer, index);
+            uvec2 brick = bricks[held.first + layer];
+            uint stored = voxel_word(held.first + layer, index);
             uint medium = brick.y & 0xffffu;
             bool fiber = grid_tints[medium].w == 0.0 && (stored >> 20) != 0u;
             vec3 axis = fiber ? normalize(unscaled_axis(stored)) : vec3(0.0);
             Extinction extinction = grid_extinction(stored, brick, p.direction);
             if ((stored >> 20) == 0u) extinction = Extinction(0.0);
             #if VOXEL_COLORS
-            vec3 tint = tint_of_word(voxel_word(first + layer, 512u + index));
+            vec3 tint = tint_of_word(voxel_word(held.first + layer, 512u + index));
 #else
             vec3 tint = vec3(1.0);
 #endif

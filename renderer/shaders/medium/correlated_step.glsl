@@ -43,7 +43,12 @@ CorrelatedStep correlated_step(inout Path p, Cell cell, float t_exit) {
         return CorrelatedStep(0.0, 1.0, 1.0, 0.0);
     }
     bool leaves = p.left_axis != vec3(0.0);
-    if (leaves && p.voxel == p.origin_voxel) p.run.own = 1.0;
+#if DETAIL
+    bool home = all(greaterThanEqual(p.origin_voxel, cell.lower)) && all(lessThan(p.origin_voxel, cell.upper));
+#else
+    bool home = p.voxel == p.origin_voxel;
+#endif
+    if (leaves && home) p.run.own = 1.0;
     p.run.fibers += cell.fibers;
     CorrelatedStep s;
     s.fibers = max(p.run.fibers, 1.0);

@@ -87,19 +87,20 @@ MediaCell media_cell(ivec3 voxel, vec3 direction) {
         Cell empty = empty_cells(cell, word);
         return MediaCell(empty.lower, empty.upper, Extinction(0.0));
     }
-    uint first = word & 0x0fffffffu;
-    uint layers = (word >> 28) + 1u;
-    uint index = voxel_index(voxel);
+    CellBricks held = cell_bricks(word);
+    uint index = voxel_index(voxel, held.level);
     Extinction extinction = Extinction(0.0);
     int radius = 7;
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
-        if (layer < layers) {
-            uint stored = voxel_word(first + layer, index);
+        if (layer < held.layers) {
+            uint stored = voxel_word(held.first + layer, index);
             bool occupied = (stored >> 20) != 0u;
             radius = min(radius, occupied ? 0 : int(stored & 7u));
-            if (occupied) extinction += grid_extinction(stored, bricks[first + layer], direction);
+            if (occupied) extinction += grid_extinction(stored, bricks[held.first + layer], direction);
         }
     }
-    ivec3 corner = cell * 8;
-    return MediaCell(max(voxel - radius, corner), min(voxel + radius + 1, corner + 8), extinction);
+    ivec3 lower;
+    ivec3 upper;
+    voxel_box(voxel, radius, held.level, lower, upper);
+    return MediaCell(lower, upper, extinction);
 }

@@ -9,11 +9,11 @@ const uint NOT_RESIDENT = 0xffffffffu;
 uint missing_brick(ivec3 voxel) {
     uint word = cell_word(voxel >> 3);
     if (word >= EMPTY_CELL) return NO_BRICK;
-    uint first = word & 0x0fffffffu;
-    uint layers = (word >> 28) + 1u;
+    CellBricks held = cell_bricks(word);
     uint missing = NO_BRICK;
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
-        if (layer < layers && brick_slot(first + layer) == NOT_RESIDENT) missing = min(missing, first + layer);
+        uint brick = held.first + layer;
+        if (layer < held.layers && brick_slot(brick) == NOT_RESIDENT) missing = min(missing, brick);
     }
     return missing;
 }

@@ -5,6 +5,7 @@
 #constant EXTINCTION_PROJECTED
 #constant FIBER_CORRELATION
 #constant EXTINCTION_FLAKES
+#constant DETAIL
 #constant VOXEL_COLORS
 #if VOXEL_COLORS
 #include "medium/tint.glsl"
@@ -41,8 +42,36 @@ Cell empty_cells(ivec3 cell, uint word) {
     return box;
 }
 
-uint voxel_index(ivec3 voxel) {
-    ivec3 local = voxel & 7;
+// The bricks of an occupied cell: how many, the first, and their level: voxels 2^level times as large as the lattice's.
+struct CellBricks {
+    uint first;
+    uint layers;
+    int level;
+};
+
+CellBricks cell_bricks(uint word) {
+#if DETAIL
+    return CellBricks(word & 0x01ffffffu, (word >> 28) + 1u, int(word >> 25) & 7);
+#else
+    return CellBricks(word & 0x0fffffffu, (word >> 28) + 1u, 0);
+#endif
+}
+
+// First voxel of the brick around a voxel.
+ivec3 brick_corner(ivec3 voxel, int level) {
+    return (voxel >> (level + 3)) * (8 << level);
+}
+
+// A voxel of its level, or the empty ones `radius` around it within their brick.
+void voxel_box(ivec3 voxel, int radius, int level, out ivec3 lower, out ivec3 upper) {
+    ivec3 corner = brick_corner(voxel, level);
+    ivec3 place = voxel >> level;
+    lower = max((place - radius) * (1 << level), corner);
+    upper = min((place + radius + 1) * (1 << level), corner + (8 << level));
+}
+
+uint voxel_index(ivec3 voxel, int level) {
+    ivec3 local = (voxel >> level) & 7;
     return uint((local.x * 8 + local.y) * 8 + local.z);
 }
 
@@ -74,28 +103,26 @@ Cell exact_cell(ivec3 voxel, vec3 direction) {
     ivec3 cell = voxel >> 3;
     uint word = cell_word(cell);
     if (word >= EMPTY_CELL) return empty_cells(cell, word);
-    uint first = word & 0x0fffffffu;
-    uint layers = (word >> 28) + 1u;
-    uint index = voxel_index(voxel);
+    CellBricks held = cell_bricks(word);
+    uint index = voxel_index(voxel, held.level);
     float extinction = 0.0;
     float fibers = 0.0;
     int radius = 7;
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
-        if (layer < layers) {
-            uint stored = voxel_word(first + layer, index);
+        if (layer < held.layers) {
+            uint stored = voxel_word(held.first + layer, index);
             bool occupied = (stored >> 20) != 0u;
             radius = min(radius, occupied ? 0 : int(stored & 7u));
             extinction += occupied
-                ? voxel_extinction(stored, uintBitsToFloat(bricks[first + layer].x), direction) : 0.0;
+                ? voxel_extinction(stored, uintBitsToFloat(bricks[held.first + layer].x), direction) : 0.0;
 #if FIBER_CORRELATION
-            if (occupied) fibers += voxel_fibers(stored, uintBitsToFloat(bricks[first + layer].x));
+            float across = float(1 << (2 * held.level));  // voxels of the lattice in its cross-section
+            if (occupied) fibers += across * voxel_fibers(stored, uintBitsToFloat(bricks[held.first + layer].x));
 #endif
         }
     }
-    ivec3 corner = cell * 8;
     Cell box;
-    box.lower = max(voxel - radius, corner);
-    box.upper = min(voxel + radius + 1, corner + 8);
+    voxel_box(voxel, radius, held.level, box.lower, box.upper);
     box.extinction = extinction;
 #if FIBER_CORRELATION
     box.fibers = fibers;
@@ -108,19 +135,18 @@ Cell majorant_cell(ivec3 voxel) {
     ivec3 cell = voxel >> 3;
     uint word = cell_word(cell);
     if (word >= EMPTY_CELL) return empty_cells(cell, word);
-    uint first = word & 0x0fffffffu;
-    uint layers = (word >> 28) + 1u;
+    CellBricks held = cell_bricks(word);
     float majorant = 0.0;
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
-        if (layer < layers) {
-            uvec2 brick = bricks[first + layer];
+        if (layer < held.layers) {
+            uvec2 brick = bricks[held.first + layer];
             majorant += uintBitsToFloat(brick.x) * float(brick.y >> 16);
         }
     }
     // rounded up: the sum above and the one over a voxel may round differently
     Cell box;
-    box.lower = cell * 8;
-    box.upper = cell * 8 + 8;
+    box.lower = brick_corner(voxel, held.level);
+    box.upper = box.lower + (8 << held.level);
     box.extinction = majorant * (1.0 + 1e-6);
 #if FIBER_CORRELATION
     box.fibers = 0.0;
@@ -132,17 +158,16 @@ Cell majorant_cell(ivec3 voxel) {
 // `tint` its dye.
 uint choose_medium(ivec3 voxel, vec3 direction, float u, out vec3 axis, out vec3 tint) {
     uint word = cell_word(voxel >> 3);
-    uint first = word & 0x0fffffffu;
-    uint layers = (word >> 28) + 1u;
-    uint index = voxel_index(voxel);
+    CellBricks held = cell_bricks(word);
+    uint index = voxel_index(voxel, held.level);
     uint stored[LAYER_COUNT];
     float extinction[LAYER_COUNT];
     float sum = 0.0;
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
-        bool used = layer < layers;
-        stored[layer] = used ? voxel_word(first + layer, index) : 0u;
+        bool used = layer < held.layers;
+        stored[layer] = used ? voxel_word(held.first + layer, index) : 0u;
         extinction[layer] = used && (stored[layer] >> 20) != 0u
-            ? voxel_extinction(stored[layer], uintBitsToFloat(bricks[first + layer].x), direction) : 0.0;
+            ? voxel_extinction(stored[layer], uintBitsToFloat(bricks[held.first + layer].x), direction) : 0.0;
         sum += extinction[layer];
     }
     float target = u * sum;
@@ -150,14 +175,14 @@ uint choose_medium(ivec3 voxel, vec3 direction, float u, out vec3 axis, out vec3
     uint chosen = 0u;
     tint = vec3(1.0);
 #if VOXEL_COLORS
-    uint brick = first;
+    uint brick = held.first;
 #endif
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
         if (extinction[layer] > 0.0 && target >= 0.0) {
             chosen = stored[layer];
-            medium = bricks[first + layer].y & 0xffffu;
+            medium = bricks[held.first + layer].y & 0xffffu;
 #if VOXEL_COLORS
-            brick = first + layer;
+            brick = held.first + layer;
 #endif
         }
         target -= extinction[layer];
