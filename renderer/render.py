@@ -93,10 +93,10 @@ def run(
     """
     from .gpu.context import device_name, shared_context
 
-    started = time.perf_counter()
+    started, options = time.perf_counter(), options or KernelOptions()
     scene = build_scene(config, volume, scattering)
     context = shared_context()
-    kernel = kernel_that_fits(context, scene, options or KernelOptions())
+    kernel = kernel_that_fits(context, scene, options)
     identity = None
     if keeping is not None:
         identity = scene_identity(scene, volume.content_sha256, device_name(context))
@@ -133,7 +133,7 @@ def run(
         brick_uploads=counts.brick_uploads,
         bricks_used=counts.bricks_used,
         waiting_lanes=counts.waiting_lanes,
-        made_smaller=what_was_made_smaller(scene, kernel),
+        made_smaller=what_was_made_smaller(scene, options, kernel),
         detail=scene.pool.detail,
     )
     return RenderResult(config, film.layers(scene.pool.voxel_size_mm), statistics, complete)

@@ -38,15 +38,14 @@ def kernel_that_fits(context: moderngl.Context, scene: Scene, options: KernelOpt
     raise refused
 
 
-def what_was_made_smaller(asked: Scene, kernel: Kernel) -> str:
-    """For people: what of `asked` the device had no room for; empty where it had."""
+def what_was_made_smaller(asked: Scene, options: KernelOptions, kernel: Kernel) -> str:
+    """For people: what of the scene asked for the device had no room for; empty where it had."""
     parts = []
     if kernel.scene.config.brick_pool_mb != asked.config.brick_pool_mb:
         whole = len(asked.pool.voxels) * 4 * asked.pool.brick_words / MIB
         pool = kernel.scene.config.brick_pool_mb or 0
         parts.append(f"{whole:.4g} MiB of voxels through a pool of {pool:.4g} MiB")
-    usual = default_lane_count(kernel.context)
-    if kernel.options.lane_count is not None and kernel.lane_count < usual:
+    if kernel.options.lane_count != options.lane_count:
         parts.append(f"{kernel.lane_count} paths at a time")
     return ", ".join(parts)
 

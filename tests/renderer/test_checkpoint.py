@@ -115,7 +115,7 @@ def test_a_pool_on_the_device_may_come_and_go(tmp_path, uninterrupted):
     """Paths that wait for bricks are kept, and go on whether or not the bricks are all there now."""
     pools = (0.0079, None, 0.0041, 0.0079)
     for pool in pools:
-        assert not render(tmp_path / "a.exr", stop=30, brick_pool_mb=pool).complete
+        assert not render(tmp_path / "a.exr", stop=20, brick_pool_mb=pool).complete
     assert_same(render(tmp_path / "a.exr", brick_pool_mb=pools[0]), uninterrupted)
 
 
