@@ -14,6 +14,8 @@ from .settings import Color, Reflectance, Settings, Vector
 from .surface_config import BallSurface, GroundSurface, MeshSurface, Stencil, SweepSurface, TubeSurface
 
 MAX_PIXELS = 1 << 25
+RANDOM_KINDS = ("pcg4d", "philox", "md5", "sobol")
+"""In the order of shaders/rng/random.glsl."""
 
 
 class _Camera(Settings):
@@ -220,6 +222,9 @@ class RenderConfig(Settings):
     """Stop after about this time; like `noise`, with no more than `samples_per_pixel`."""
     seed: int = Field(default=0, ge=0, lt=2**32)
     """Random numbers are functions of seed, pixel, sample and dimension."""
+    rng: Literal["pcg4d", "philox", "md5", "sobol"] = "pcg4d"
+    """pcg4d, philox, md5: hashes, of which the first is the fastest. sobol: Owen-scrambled Sobol sequences in the
+    first scatterings, with samples spread more evenly; the layer `variance` then says too much."""
     max_bounces: int = Field(default=1024, ge=1, lt=2**31)
     """Scattering events after which a path is cut; cut paths are counted. White fibers need hundreds."""
     roulette_start: int = Field(default=16, ge=1, lt=2**31)
@@ -278,7 +283,13 @@ class RenderConfig(Settings):
     direction. That is biased; it is there to be compared with, and needs brick_pool_mb.
     """
     tracking: Literal["exact", "delta"] = "exact"
-    """exact: optical depth voxel by voxel; delta: delta and ratio tracking. Both have the same mean."""
+    """How free flights end. exact: optical depth voxel by voxel; delta: by collisions with a majorant of each
+    brick, some of which are with nothing. Both have the same mean."""
+    shadow_tracking: Literal["exact", "ratio", "residual_ratio", "march"] | None = None
+    """How much light passes from a light: voxel by voxel, by ratio or residual ratio tracking, all with one
+    mean, or by ray marching, which lets too much pass. Unset: exact, and ratio with tracking = "delta"."""
+    march_step_mm: float | None = Field(default=None, gt=0)
+    """How far ray marching goes between two looks at the volume; unset: a voxel."""
     sampling: Literal["both", "both_plain", "lights", "phase"] = "both"
     """How environment light is found: by choosing lights, by the phase function, or by both. Same mean.
 
@@ -320,10 +331,21 @@ class RenderConfig(Settings):
             raise ValueError('isotropic_extinction_per_mm has no effect unless extinction = "isotropic"')
         return self
 
+    @property
+    def shadows_by(self) -> str:
+        """How shadow rays are tracked."""
+        return self.shadow_tracking or ("exact" if self.tracking == "exact" else "ratio")
+
     @model_validator(mode="after")
     def _media_need_exact_tracking(self) -> RenderConfig:
-        if self.media and (self.tracking != "exact" or self.correlation != "none"):
-            raise ValueError('media need tracking = "exact" and correlation = "none"')
+        if self.media and (self.tracking, self.shadows_by, self.correlation) != ("exact", "exact", "none"):
+            raise ValueError('media need tracking and shadow_tracking = "exact" and correlation = "none"')
+        return self
+
+    @model_validator(mode="after")
+    def _steps_need_marching(self) -> RenderConfig:
+        if self.march_step_mm is not None and self.shadows_by != "march":
+            raise ValueError('march_step_mm has no effect unless shadow_tracking = "march"')
         return self
 
     @model_validator(mode="after")
@@ -342,7 +364,7 @@ class RenderConfig(Settings):
     @model_validator(mode="after")
     def _correlation_needs_exact_tracking(self) -> RenderConfig:
         if self.correlation == "fibers":
-            if self.tracking != "exact" or self.extinction != "projected":
+            if (self.tracking, self.shadows_by) != ("exact", "exact") or self.extinction != "projected":
                 raise ValueError(
                     'correlation = "fibers" needs tracking = "exact" and extinction = "projected"'
                 )

@@ -21,6 +21,7 @@ from .heartbeat import dispatch_share, dispatching
 from .pager import BrickPager, pool_capacity
 from .passes import MODE_IDLE, MODE_PARKED, Pass, PassState, Window, range_window, window_ranges
 from .scene import Scene
+from .trackers import control_sixteenths
 
 GROUP_SIZE = 64
 STATE_WORDS = 9
@@ -319,6 +320,9 @@ class Kernel:
         page_bricks = _bricks_per_page(ctx, 4 * pool.brick_words)
         self.page_shift = page_bricks.bit_length() - 1
         records = brick_records(pool, self.scene.extinction_scale)
+        if self.scene.config.shadows_by == "residual_ratio":
+            projected = self.scene.config.extinction == "projected"
+            records[:, 1] |= control_sixteenths(pool, projected=projected) << 28
         capacity = pool_capacity(self.scene)
         needed = -(-(capacity or len(pool.voxels)) // page_bricks)
         if needed > (most := _page_limit(ctx.info)):

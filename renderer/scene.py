@@ -15,7 +15,7 @@ from weft.voxelize.grid import FiberVolume
 from .brick_file import BrickFile
 from .brick_pool import BrickPool
 from .camera import CameraFrame, place_camera
-from .config import Light, RenderConfig
+from .config import RANDOM_KINDS, Light, RenderConfig
 from .detail import pixel_footprint
 from .film import FILM_LAYERS, SURFACE_FILM_LAYERS
 from .gpu.shader_source import Constant
@@ -27,6 +27,7 @@ from .pixel_filter import CELLS, KINDS, filter_uniforms
 from .simple_phases import IsotropicPhase
 from .stencil import cut_out
 from .surfaces import SurfaceTable, build_surface_table
+from .trackers import track_piece
 from .turned_lights import turned_lights
 from .volume_levels import VolumeLevels, finest_pool
 
@@ -114,11 +115,12 @@ class Scene:
             "EXTINCTION_RGB": self.colored,
             "OTHER_MEDIA": self.media is not None,
             **(self.media.constants() if self.media else {}),
-            "TRACKING_DELTA": self.config.tracking == "delta",
+            "SHADOW_COLLISIONS": self.config.shadows_by != "exact",
+            "SHADOW_MARCH": self.config.shadows_by == "march",
             "SHADOW_ROULETTE": SHADOW_ROULETTE,
             "SAMPLE_LIGHTS": self.config.sampling != "phase",
             "SAMPLE_PHASE": self.config.sampling != "lights",
-            "RANDOM_PHILOX": 0,
+            "RANDOM_KIND": RANDOM_KINDS.index(self.config.rng),
             "SURFACES": self.surfaces is not None,
             "LOCAL_LIGHTS": len(self.local_lights) > 0,
             **self._local_constants(),
@@ -144,6 +146,12 @@ class Scene:
             return {}
         return {**self.surfaces.kinds.constants, "SURFACE_INSTANCES": self.surfaces.instance_count > 0}
 
+    def _march_uniforms(self) -> dict[str, float]:
+        step, size = self.config.march_step_mm, self.pool.voxel_size_mm
+        return (
+            {"march_step": 1.0 if step is None else step / size} if self.config.shadows_by == "march" else {}
+        )
+
     def _surface_uniforms(self) -> dict[str, int]:
         if self.surfaces is None:
             return {}
@@ -159,7 +167,7 @@ class Scene:
     def pieces(self) -> dict[str, str]:
         """GLSL chosen or made for this scene."""
         return {
-            "generated/track.glsl": f'#include "medium/track_{self._tracker()}.glsl"\n',
+            "generated/track.glsl": track_piece(self.config.tracking, self.config.shadows_by, self.media),
             "generated/collide.glsl": '#include "medium/collide.glsl"\n' if self.media else "",
             "generated/phase.glsl": f'#include "{self.phase.piece}"\n',
             "generated/phase_block.glsl": self.phase.block,
@@ -177,9 +185,6 @@ class Scene:
     def _thickest_fiber_mm(self) -> float:
         radius = self.pool.fiber_radius_mm
         return float((radius if self.media is None else radius[: self.media.fiber_count]).max())
-
-    def _tracker(self) -> str:
-        return self.config.tracking if self.media is None else "media"
 
     def uniforms(self) -> dict[str, object]:
         """Uniforms that hold for the whole picture; lengths in voxels."""
@@ -217,6 +222,7 @@ class Scene:
             ),
             **filter_uniforms(config.filter),
             **(self.media.uniforms(pool) if self.media else {}),
+            **self._march_uniforms(),
             **self._surface_uniforms(),
             "environment_size": (2 * rows, rows),
             "light_count": len(self.light_table.entries),

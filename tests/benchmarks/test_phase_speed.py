@@ -61,7 +61,7 @@ def rate(parameters, function, items):
         signature,
         prelude=CHAIN,
         blocks=blocks,
-        constants={"RANDOM_PHILOX": 0} | phase_constants([parameters]),
+        constants={"RANDOM_KIND": 0} | phase_constants([parameters]),
     )
     wo, keys = np.array([0.6, 0.8, 0.0]), random_keys(items, seed=1)
     call(wo, keys[:64])

@@ -108,7 +108,7 @@ def test_white_furnace_in_colored_fog(fibers):
     ]
     kinds = [HenyeyGreensteinScattering(g=0.7), IsotropicScattering()]
     media = [m.model_copy(update={"scattering": kind}) for m, kind in zip(media, kinds, strict=True)]
-    result = picture(media, grids, phases, camera=PERSPECTIVE)
+    result = picture(media, grids, phases, camera=PERSPECTIVE, sampling="both_plain")
     assert result.statistics.broken_samples == 0
     assert result.layers["A"].mean() > 0.3
     for channel in range(3):

@@ -41,7 +41,7 @@ def kernel_text(tracking, extinction, phase, count, philox, **extras):
     scene = build_scene(
         config, volume(*grids), {"a": TABLE["reference"] if phase == "fiber" else IsotropicPhase()}
     )
-    options = {"GROUP_SIZE": 64, "STEPS_PER_ROUND": 24, "SEEKS_PER_ROUND": 32, "RANDOM_PHILOX": philox}
+    options = {"GROUP_SIZE": 64, "STEPS_PER_ROUND": 24, "SEEKS_PER_ROUND": 32, "RANDOM_KIND": philox}
     options["BRICK_POOL"] = pooled = extras.pop("pooled", False)
     pieces = scene.pieces() | {
         "generated/voxel_pages.glsl": voxel_pages_glsl(count, 16, slot_table=count if pooled else None),

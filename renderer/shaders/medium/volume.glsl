@@ -140,7 +140,7 @@ Cell majorant_cell(ivec3 voxel) {
     for (uint layer = 0u; layer < uint(LAYER_COUNT); ++layer) {
         if (layer < held.layers) {
             uvec2 brick = bricks[held.first + layer];
-            majorant += uintBitsToFloat(brick.x) * float(brick.y >> 16);
+            majorant += uintBitsToFloat(brick.x) * float((brick.y >> 16) & 0xfffu);
         }
     }
     // rounded up: the sum above and the one over a voxel may round differently

@@ -5,7 +5,11 @@
 
 // Below this transmittance a shadow ray survives by roulette; see start_shadow.
 #constant SHADOW_ROULETTE
-#constant TRACKING_DELTA
+#constant SHADOW_COLLISIONS  // shadow rays meet collisions or places to look at, drawn at random
+#constant SHADOW_MARCH
+#if SHADOW_MARCH
+uniform float march_step;  // [voxels]
+#endif
 #constant SURFACES
 #constant FIBER_CORRELATION
 #constant EXTINCTION_RGB
@@ -77,7 +81,9 @@ void start_shadow(inout Path p, vec3 direction, float distance, vec3 light, uint
     start_segment(p, direction);
     p.depth_left = exponential(bits) - log(SHADOW_ROULETTE);
     p.shadow_depth = p.depth_left;
-#if TRACKING_DELTA
+#if SHADOW_MARCH
+    p.next_free = march_step * unit_float(random_words(p.rng).x);
+#elif SHADOW_COLLISIONS
     p.next_free = exponential(random_words(p.rng).x);
 #endif
 #if SURFACES

@@ -1,11 +1,25 @@
 // Random numbers as functions of (pixel, sample, dimension, seed) = rng.xyzw; only the dimension moves on.
-// RANDOM_PHILOX: 0 pcg4d, 1 philox4x32-10 (half the speed; the two must give statistically equal images).
-#constant RANDOM_PHILOX
+// RANDOM_KIND: 0 pcg4d; 1 philox4x32-10 (half the speed); 2 MD5; 3 Owen-scrambled Sobol in the first SOBOL_DIMENSIONS
+// dimensions and pcg4d after them. All must give statistically equal images.
+#constant RANDOM_KIND
 #include "rng/pcg4d.glsl"
+#if RANDOM_KIND == 1
 #include "rng/philox.glsl"
+#elif RANDOM_KIND == 2
+#include "rng/md5.glsl"
+#elif RANDOM_KIND == 3
+#include "rng/sobol.glsl"
+const uint SOBOL_DIMENSIONS = 6u;  // of four numbers each: the first flight, and two scatterings
+#endif
 
 uvec4 random_bits(uvec4 key) {
-    if (RANDOM_PHILOX == 1) return philox4x32(uvec4(key.xyz, 0u), uvec2(key.w, 0x5EED5EEDu));
+#if RANDOM_KIND == 1
+    return philox4x32(uvec4(key.xyz, 0u), uvec2(key.w, 0x5EED5EEDu));
+#elif RANDOM_KIND == 2
+    return md5(key);
+#elif RANDOM_KIND == 3
+    if (key.z < SOBOL_DIMENSIONS) return sobol(key);
+#endif
     return pcg4d(key);
 }
 

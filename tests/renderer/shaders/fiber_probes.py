@@ -31,7 +31,7 @@ def fiber_probe(
 ) -> Callable:
     tables = pack_tables(media)
     blocks = {2: pack_scattering(media), 3: tables if len(tables) else np.zeros((1, 4), np.float32)}
-    constants = {"RANDOM_PHILOX": int(philox)} | phase_constants(media)
+    constants = {"RANDOM_KIND": int(philox)} | phase_constants(media)
     return probe([], signature, prelude=_CALLS, blocks=blocks, constants=constants)
 
 

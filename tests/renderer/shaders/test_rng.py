@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 
 import numpy as np
@@ -13,13 +14,13 @@ from tests.renderer.shaders.reference import pcg4d
 
 pytestmark = pytest.mark.gl
 
-GENERATORS = {"pcg4d": 0, "philox": 1}
+GENERATORS = {"pcg4d": 0, "philox": 1, "md5": 2}
 PIXEL, SAMPLE, DIMENSION, SEED = range(4)
 
 
 def random4(generator, keys):
     call = probe(
-        "rng/random.glsl", "vec4 random4(inout uvec4 rng)", constants={"RANDOM_PHILOX": GENERATORS[generator]}
+        "rng/random.glsl", "vec4 random4(inout uvec4 rng)", constants={"RANDOM_KIND": GENERATORS[generator]}
     )
     return call(keys)
 
@@ -48,6 +49,39 @@ def test_philox_gives_the_published_vectors():
         [0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1],
     ]
     np.testing.assert_array_equal(philox(counters, keys), expected)
+
+
+def test_md5_is_that_of_the_key_s_16_bytes():
+    keys = np.random.default_rng(4).integers(0, 2**32, (200, 4), dtype=np.uint32)
+    found = probe("rng/md5.glsl", "uvec4 md5(uvec4 key)")(keys)
+    digests = [np.frombuffer(hashlib.md5(key.astype("<u4").tobytes()).digest(), "<u4") for key in keys]
+    np.testing.assert_array_equal(found, digests)
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (2, 3)])
+@pytest.mark.parametrize("start", [0, 192])
+def test_sobol_pairs_are_nets(pair, start):
+    """64 samples of a pixel from a multiple of 64 on: one in each of 64 equal boxes, of every shape."""
+    sobol = probe("rng/sobol.glsl", "uvec4 sobol(uvec4 key)")
+    for pixel, dimension in [(0, 0), (77, 3), (123_456, 5)]:
+        keys = keys_along(SAMPLE, 64, base=(pixel, start, dimension, 9))
+        points = sobol(keys)[:, pair].astype(np.float64) / 2**32
+        for rows in (1, 2, 4, 8, 16, 32, 64):
+            boxes = np.floor(points * [rows, 64 // rows]) @ [64 // rows, 1]
+            assert len(set(boxes)) == 64
+
+
+def test_sobol_is_uniform_over_pixels_and_independent_over_dimensions():
+    """Of one sample, over scramblings: chi-square of each number, of pairs in it and across; below 1e-6."""
+    sobol = probe("rng/sobol.glsl", "uvec4 sobol(uvec4 key)")
+    keys = keys_along(PIXEL, 100_000, base=(0, 5, 2, 1))
+    now, later = (sobol(keys + np.uint32([0, 0, step, 0])) / 2.0**32 for step in (0, 1))
+    p_values = [stats.chisquare(np.histogram(now[:, i], 256, (0, 1))[0]).pvalue for i in range(4)]
+    pairs = list(itertools.combinations(now.T, 2)) + [(now[:, i], later[:, i]) for i in range(4)]
+    for a, b in pairs:
+        counts = np.histogram2d(a, b, bins=32, range=((0, 1), (0, 1)))[0]
+        p_values.append(stats.chisquare(counts.ravel()).pvalue)
+    assert min(p_values) > 1e-6
 
 
 @pytest.mark.parametrize("generator", GENERATORS)
@@ -84,7 +118,7 @@ def test_triples_of_one_path_fill_the_cube(generator):
 
 def test_normals_are_normal():
     """Kolmogorov-Smirnov of both numbers and a chi-square of their pairs; below 1e-6 by chance."""
-    normals = probe("rng/random.glsl", "vec2 standard_normals(vec2 u)", constants={"RANDOM_PHILOX": 0})
+    normals = probe("rng/random.glsl", "vec2 standard_normals(vec2 u)", constants={"RANDOM_KIND": 0})
     n = normals(np.random.default_rng(3).random((100_000, 2))).astype(np.float64)
     assert stats.kstest(n[:, 0], "norm").pvalue > 1e-6
     assert stats.kstest(n[:, 1], "norm").pvalue > 1e-6
