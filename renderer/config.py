@@ -223,8 +223,8 @@ class RenderConfig(Settings):
     seed: int = Field(default=0, ge=0, lt=2**32)
     """Random numbers are functions of seed, pixel, sample and dimension."""
     rng: Literal["pcg4d", "philox", "md5", "sobol"] = "pcg4d"
-    """pcg4d, philox, md5: hashes, of which the first is the fastest. sobol: Owen-scrambled Sobol sequences in the
-    first scatterings, with samples spread more evenly; the layer `variance` then says too much."""
+    """pcg4d, philox, md5: hashes, of which the first is the fastest. sobol: Owen-scrambled Sobol sequences
+    in the first scatterings, with samples spread more evenly; `variance` then says too much."""
     max_bounces: int = Field(default=1024, ge=1, lt=2**31)
     """Scattering events after which a path is cut; cut paths are counted. White fibers need hundreds."""
     roulette_start: int = Field(default=16, ge=1, lt=2**31)

@@ -217,7 +217,7 @@ def test_a_grid_beside_the_volume(tmp_path):
 def test_what_cannot_be_is_refused(tmp_path):
     with pytest.raises(ValidationError, match="lower_mm must lie below"):
         BoxBound(lower_mm=(0, 0, 0), upper_mm=(1, 0, 1))
-    with pytest.raises(ValidationError, match='media need tracking = "exact"'):
+    with pytest.raises(ValidationError, match="media need tracking and shadow_tracking"):
         RenderConfig(media=[fog()], tracking="delta")
     with pytest.raises(InputError, match="9 homogeneous media"):
         picture([fog()] * 9)
