@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import resource
 import signal
@@ -18,7 +19,7 @@ from weft.pipeline.cli import exit_code
 from weft.renderer.checkpoint import read_checkpoint, write_checkpoint
 from weft.renderer.image import read_exr
 
-from .test_cli import KNIT, job
+from .test_cli import CHECKOUT, KNIT, job
 
 pytestmark = pytest.mark.gl
 
@@ -135,7 +136,7 @@ def wait_for_another(file, before, process, seconds=60):
 
 
 def kill_and_resume(fresh, kills, seed):
-    """Kill at random moments, most of them after it wrote a checkpoint, until it has been killed so often."""
+    """Kill the command, most times after it wrote a checkpoint, until it has been started so often."""
     path, picture, out = fresh
     chance = random.Random(seed)
     checkpoint = out / "image.checkpoint.exr"
@@ -166,12 +167,40 @@ def test_kill_9_three_times(fresh):
     kill_and_resume(fresh, 3, seed=1)
 
 
+LONG = ("--set", "render.resolution=[32,32]", "--set", "render.samples_per_pixel=512")
+KILLS_PER_ROUND = 25
+
+
+@pytest.fixture(scope="module")
+def long_picture(rendered):
+    """The picture with more samples, never interrupted."""
+    path, _ = rendered
+    assert exit_code(["render", str(path), *LONG]) == 0
+    return read_exr(path.parent / "job.out" / "image.exr")[0]
+
+
 @pytest.mark.proof
 @pytest.mark.parametrize("seed", range(8))
-def test_kill_9_two_hundred_times(fresh, seed):
-    """Eight runs, each killed 25 times and then finished."""
-    survived, advanced = kill_and_resume(fresh, 25, seed)
-    print(f"25 kills, {advanced} of them after the render had gone on, {survived} after its end")
+def test_kill_9_two_hundred_times(fresh, long_picture, seed):
+    """Eight rounds of kills, each then finished; most of them hit a render that has written a checkpoint."""
+    path, _, out = fresh
+    program = [
+        sys.executable,
+        "-m",
+        "tests.pipeline.kill_renders",
+        str(path),
+        str(KILLS_PER_ROUND),
+        str(seed),
+    ]
+    done = subprocess.run(
+        [*program, *LONG, *OFTEN], cwd=CHECKOUT, capture_output=True, text=True, timeout=900, check=False
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    outcome = json.loads(done.stdout.splitlines()[-1])
+    print(outcome)
+    assert outcome["kills"] == KILLS_PER_ROUND
+    assert outcome["with_checkpoint"] > KILLS_PER_ROUND / 2
+    assert_same(out / "image.exr", long_picture)
 
 
 def test_a_full_disk_keeps_the_previous_checkpoint_and_ends_with_5(fresh, monkeypatch, capsys):

@@ -8,7 +8,7 @@ import pytest
 
 from weft.files import machine_memory
 from weft.pipeline.cli import exit_code
-from weft.pipeline.stages import _kept_volume
+from weft.pipeline.picture_volume import _kept_volume
 from weft.renderer.gpu import buffers
 from weft.renderer.kernel import VOXELS
 
