@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import moderngl
@@ -13,15 +13,15 @@ import numpy as np
 from weft.files.errors import DeviceMemoryError
 
 from .batches import RenderBatch
-from .brick_pool import BrickPool
 from .gpu import buffers
-from .gpu.device_memory import is_software, named_block_bytes
+from .gpu.device_memory import is_software
 from .gpu.programs import compute_program, set_uniforms
 from .heartbeat import dispatch_share, dispatching
 from .pager import BrickPager, pool_capacity
 from .passes import MODE_IDLE, MODE_PARKED, Pass, PassState, Window, range_window, window_ranges
 from .scene import Scene
 from .trackers import control_sixteenths
+from .voxel_pages import brick_records, bricks_per_page, page_limit, voxel_pages_glsl
 
 GROUP_SIZE = 64
 STATE_WORDS = 9
@@ -45,10 +45,6 @@ BUSY_LANES, WAITING_LANES = len(COUNTERS), len(COUNTERS) + 1
 """Where the kernel counts lanes that are not done, and those of them that wait for a brick."""
 VOXELS, PATHS = "the voxels", "the paths under way"
 """What an error calls these buffers."""
-MAX_VOXEL_PAGES = 8
-FIRST_PAGE_BINDING = 7
-STORAGE_BLOCKS = 8
-"""Storage buffers of a compute program that OpenGL 4.3 guarantees."""
 LOOP_BUDGET = 16_384
 """Iterations of all loops per invocation and dispatch; llvmpipe silently stops a shader's loops at 65,535."""
 FILM_BYTES = 1 << 27
@@ -317,7 +313,7 @@ class Kernel:
 
     def _upload(self) -> None:
         pool, ctx = self.scene.pool, self.context
-        page_bricks = _bricks_per_page(ctx, 4 * pool.brick_words)
+        page_bricks = bricks_per_page(ctx, 4 * pool.brick_words)
         self.page_shift = page_bricks.bit_length() - 1
         records = brick_records(pool, self.scene.extinction_scale)
         if self.scene.config.shadows_by == "residual_ratio":
@@ -325,7 +321,7 @@ class Kernel:
             records[:, 1] |= control_sixteenths(pool, projected=projected) << 28
         capacity = pool_capacity(self.scene)
         needed = -(-(capacity or len(pool.voxels)) // page_bricks)
-        if needed > (most := _page_limit(ctx.info)):
+        if needed > (most := page_limit(ctx.info)):
             raise DeviceMemoryError(
                 f"render: {capacity or len(pool.voxels)} bricks need {needed} buffers; there are {most}.",
                 hint="Set a smaller render.brick_pool_mb, or raise voxelize.voxel_size_mm.",
@@ -426,63 +422,3 @@ class Kernel:
 def default_lane_count(context: moderngl.Context) -> int:
     """Enough lanes to fill the device; few where the processor does the work, to share its caches."""
     return 1 << 10 if is_software(context) else 1 << 18
-
-
-def brick_records(pool: BrickPool, extinction_scale: np.ndarray) -> np.ndarray:
-    """Per brick: extinction of a level [1/voxel] as bits, medium | largest level << 16; uint32 [n, 2].
-
-    `extinction_scale`: extinction of volume fraction 1 per medium [1/voxel].
-    """
-    records = np.empty((len(pool.voxels), 2), np.uint32)
-    per_level = pool.density_step * extinction_scale[pool.medium]
-    records[:, 0] = per_level.astype(np.float32).view(np.uint32)
-    records[:, 1] = pool.medium | pool.majorant_level << 16
-    return records
-
-
-def voxel_pages_glsl(
-    page_count: int, page_shift: int, *, slot_table: int | None = None, brick_words: int = 512
-) -> str:
-    """Buffers of voxels and the function that picks the right one.
-
-    `slot_table`: where in bricks[] the table begins that says in which slot of the pages a brick lies;
-    without it, brick n lies in slot n. `brick_words`: of one brick, 512 for voxels and as many for colors.
-    """
-    lines = [
-        f"layout(std430, binding = {binding}) readonly buffer Voxels{i} {{ uint voxels_{i}[]; }};"
-        for i, binding in enumerate(range(FIRST_PAGE_BINDING, FIRST_PAGE_BINDING + page_count))
-    ]
-    slot = "brick"
-    if slot_table is not None:
-        slot = "brick_slot(brick)"
-        lines += [
-            "uint brick_slot(uint brick) {",
-            f"    uvec2 pair = bricks[{slot_table}u + (brick >> 1u)];",
-            "    return (brick & 1u) == 0u ? pair.x : pair.y;",
-            "}",
-        ]
-    lines += ["uint voxel_word(uint brick, uint voxel) {", f"    uint slot = {slot};"]
-    if page_count > 1:
-        mask = (1 << page_shift) - 1
-        lines += [
-            f"    uint page = slot >> {page_shift}u;",
-            f"    uint index = (slot & {mask}u) * {brick_words}u + voxel;",
-        ]
-        lines += [f"    if (page == {i}u) return voxels_{i}[index];" for i in range(page_count - 1)]
-        lines += [f"    return voxels_{page_count - 1}[index];"]
-    else:
-        lines += [f"    return voxels_0[slot * {brick_words}u + voxel];"]
-    return "\n".join([*lines, "}"]) + "\n"
-
-
-def _page_limit(limits: Mapping[str, int]) -> int:
-    """Buffers of voxels that this driver has room for beside the other seven; OpenGL 4.3 guarantees one."""
-    counted = ("GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS", "GL_MAX_SHADER_STORAGE_BUFFER_BINDINGS")
-    blocks = min(limits.get(name) or STORAGE_BLOCKS for name in counted)
-    return int(min(blocks - FIRST_PAGE_BINDING, MAX_VOXEL_PAGES))
-
-
-def _bricks_per_page(context: moderngl.Context, brick_bytes: int) -> int:
-    """A power of two of bricks that fits one storage block of this driver, and 31-bit byte offsets."""
-    bricks = min(named_block_bytes(context), 1 << 30) // brick_bytes
-    return 1 << (bricks.bit_length() - 1)

@@ -11,10 +11,10 @@ import pytest
 
 from weft.renderer.config import ConstantLight, LanczosFilter, PerspectiveCamera, RenderConfig
 from weft.renderer.gpu.shader_source import assemble
-from weft.renderer.kernel import voxel_pages_glsl
 from weft.renderer.light_config import DiskLight, QuadLight
 from weft.renderer.scene import IsotropicPhase, build_scene
 from weft.renderer.surface_config import GroundSurface, PrincipledMaterial
+from weft.renderer.voxel_pages import voxel_pages_glsl
 
 from .test_transport import TABLE
 from .volumes import random_grid, volume

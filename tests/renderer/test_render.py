@@ -15,9 +15,9 @@ from weft.renderer.config import ConstantLight, EnvironmentLight, OrthographicCa
 from weft.renderer.gpu.buffers import reserve
 from weft.renderer.gpu.context import shared_context
 from weft.renderer.image import read_exr, write_exr
-from weft.renderer.kernel import MAX_VOXEL_PAGES, _page_limit, voxel_pages_glsl
 from weft.renderer.render import attributes, run, save
 from weft.renderer.scene import IsotropicPhase
+from weft.renderer.voxel_pages import MAX_VOXEL_PAGES, page_limit, voxel_pages_glsl
 
 from .test_transport import TABLE
 from .volumes import random_grid, uniform_grid, volume
@@ -123,7 +123,7 @@ def test_pages_of_voxels_make_the_same_picture(monkeypatch):
     """The same bricks spread over several buffers."""
     from weft.renderer import kernel
 
-    monkeypatch.setattr(kernel, "_bricks_per_page", lambda *_: 1)
+    monkeypatch.setattr(kernel, "bricks_per_page", lambda *_: 1)
     paged = run(CONFIG, volume(random_grid((2, 2, 2), seed=9)), {"a": TABLE["reference"]})
     monkeypatch.undo()
     whole = run(CONFIG, volume(random_grid((2, 2, 2), seed=9)), {"a": TABLE["reference"]})
@@ -133,17 +133,17 @@ def test_pages_of_voxels_make_the_same_picture(monkeypatch):
 def test_too_many_bricks_are_refused(monkeypatch):
     from weft.renderer import kernel
 
-    monkeypatch.setattr(kernel, "_bricks_per_page", lambda *_: 1)
+    monkeypatch.setattr(kernel, "bricks_per_page", lambda *_: 1)
     with pytest.raises(DeviceMemoryError, match="27 bricks need 27 buffers"):
         run(CONFIG, volume(uniform_grid((3, 3, 3), 0.5, (1, 0, 0))), {"a": TABLE["reference"]})
 
 
 def test_buffers_stay_within_what_the_driver_offers():
     least = {"GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS": 8, "GL_MAX_SHADER_STORAGE_BUFFER_BINDINGS": 8}
-    assert _page_limit(least) == _page_limit({}) == 1
-    assert _page_limit(least | {"GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS": 16}) == 1
-    assert _page_limit(dict.fromkeys(least, 12)) == 5
-    assert _page_limit(dict.fromkeys(least, 96)) == MAX_VOXEL_PAGES
+    assert page_limit(least) == page_limit({}) == 1
+    assert page_limit(least | {"GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS": 16}) == 1
+    assert page_limit(dict.fromkeys(least, 12)) == 5
+    assert page_limit(dict.fromkeys(least, 96)) == MAX_VOXEL_PAGES
 
 
 def test_memory_the_device_lacks_is_refused():
