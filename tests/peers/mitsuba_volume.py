@@ -50,7 +50,7 @@ def render_with_mitsuba(scene: VolumeScene, *, samples_per_run: int, runs: int, 
     import mitsuba as mi
 
     mi.set_variant("scalar_rgb")
-    loaded = mi.load_dict(_scene_dict(mi, scene))
+    loaded = mi.load_dict(scene_dict(mi, scene))
     images = []
     started = time.process_time()
     for run in range(runs):
@@ -66,8 +66,8 @@ def render_with_mitsuba(scene: VolumeScene, *, samples_per_run: int, runs: int, 
     )
 
 
-def _scene_dict(mi, scene: VolumeScene) -> dict:
-    """Mitsuba's gridvolume is indexed [z, y, x] and fills the unit cube; its `cube` shape spans [-1, 1]."""
+def scene_dict(mi, scene: VolumeScene) -> dict:
+    """For `mi.load_dict`. `gridvolume` is indexed [z, y, x] in the unit cube; a `cube` spans [-1, 1]."""
     size = scene.size_mm
     to_block = mi.ScalarTransform4f().scale(list(size))
     cube_to_block = mi.ScalarTransform4f().translate(list(size / 2)).scale(list(size / 2))

@@ -18,7 +18,22 @@ FIBER_RADIUS_MM = 2 / np.pi
 
 def render_with_weft(scene: VolumeScene, *, samples: int, seed: int) -> PeerImage:
     """Render the scene, with the variance of each pixel mean as the film estimates it."""
-    config = RenderConfig(
+    config = render_config(scene, samples=samples, seed=seed)
+    started = time.process_time()
+    result = render.run(config, dense_volume(scene), {"fiber": phase_of(scene)})
+    cpu_seconds = time.process_time() - started
+    mean = result.radiance.astype(np.float64).mean(-1)
+    return PeerImage(
+        mean=mean,
+        variance=result.layers["variance.R"].astype(np.float64),
+        paths=result.statistics.paths,
+        cpu_seconds=cpu_seconds,
+    )
+
+
+def render_config(scene: VolumeScene, *, samples: int, seed: int) -> RenderConfig:
+    """Camera, light and transport of the scene."""
+    return RenderConfig(
         resolution=(scene.resolution, scene.resolution),
         samples_per_pixel=samples,
         seed=seed,
@@ -30,19 +45,10 @@ def render_with_weft(scene: VolumeScene, *, samples: int, seed: int) -> PeerImag
         background="environment",
         **_extinction(scene),
     )
-    started = time.process_time()
-    result = render.run(config, dense_volume(scene), {"fiber": _phase(scene)})
-    cpu_seconds = time.process_time() - started
-    mean = result.radiance.astype(np.float64).mean(-1)
-    return PeerImage(
-        mean=mean,
-        variance=result.layers["variance.R"].astype(np.float64),
-        paths=result.statistics.paths,
-        cpu_seconds=cpu_seconds,
-    )
 
 
-def _phase(scene: VolumeScene) -> SimplePhase:
+def phase_of(scene: VolumeScene) -> SimplePhase:
+    """Its phase function."""
     albedo = (scene.albedo,) * 3
     if scene.g is not None:
         return HenyeyGreensteinPhase(scene.g, albedo)
@@ -84,6 +90,6 @@ def dense_volume(scene: VolumeScene) -> FiberVolume:
         fiber_radius_mm=FIBER_RADIUS_MM,
         origins=(origins[occupied] * BRICK_SIZE).astype(np.int32),
         density=density,
-        direction=direction,
+        direction=np.ascontiguousarray(direction),
     )
     return FiberVolume({"fiber": grid})
