@@ -1,13 +1,16 @@
-"""Speed against Mitsuba 3 and Blender's Cycles on one scene, in one run, per CPU second at equal variance.
+"""Speed against Mitsuba 3 and Blender's Cycles on one scene, in one run, per CPU second at equal
+variance.
 
-`python -m pytest tests/benchmarks/test_against_peers.py -s -m benchmark` (some 2 minutes of an idle core) prints
-ratios and asserts nothing about them. A cloth-like volume of 256^3 voxels, isotropic, albedo 0.95, light sampling
-and MIS, in uniform light. Needs for all of it: Mitsuba 3.9; LLVM for its llvm_ad_rgb (Debian: libllvm19; where it
-is unpacked elsewhere, DRJIT_LIBLLVM_PATH); an interpreter with bpy 5 (WEFT_BPY_PYTHON). What is absent is skipped.
+`python -m pytest tests/benchmarks/test_against_peers.py -s -m benchmark` (some 2 minutes of an idle
+core) prints ratios and asserts nothing about them. A cloth-like volume of 256^3 voxels, isotropic,
+albedo 0.95, light sampling and MIS, in uniform light. Needs for all of it: Mitsuba 3.9; LLVM for
+its llvm_ad_rgb (Debian: libllvm19; where it is unpacked elsewhere, DRJIT_LIBLLVM_PATH); an
+interpreter with bpy 5 (WEFT_BPY_PYTHON). What is absent is skipped.
 
-Variance is that between independent pictures, for all alike, and so counts what better spread samples gain.
-Cycles interpolates voxels; the others take the nearest. Its null scattering is not unbiased (a white volume in
-white light comes out at 1.03 here), so it is measured with its ray marching too (1.00).
+Variance is that between independent pictures, for all alike, and so counts what better spread
+samples gain. Cycles interpolates voxels; the others take the nearest. Its null scattering is not
+unbiased (a white volume in white light comes out at 1.03 here), so it is measured with its ray
+marching too (1.00).
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Pictures of a volume by Blender's Cycles. Run by an interpreter that has `bpy`; knows nothing of weft.
+"""Pictures of a volume by Blender's Cycles. Run by an interpreter that has `bpy`; knows nothing of
+weft.
 
-`python cycles_volume.py job.json`: volume (.vdb), camera, target, fov, light of radiance 1 from all around, albedo,
-resolution, samples, runs, march, out (folder). Writes run_<n>.exr, and seconds.json: CPU seconds of the first
-picture and of each run. One thread, no roulette by a light threshold, no denoising, box filter. march: Cycles'
-ray marching in place of its null scattering.
+`python cycles_volume.py job.json`: volume (.vdb), camera, target, fov, light of radiance 1 from all
+around, albedo, resolution, samples, runs, march, out (folder). Writes run_<n>.exr, and
+seconds.json: CPU seconds of the first picture and of each run. One thread, no roulette by a light
+threshold, no denoising, box filter. march: Cycles' ray marching in place of its null scattering.
 """
 
 import json

@@ -1,7 +1,9 @@
-"""Independent pictures of `twisted_yarns` by one program, and their CPU seconds, in a process of their own.
+"""Independent pictures of `twisted_yarns` by one program, and their CPU seconds, in a process of their
+own.
 
-`python -m tests.peers.speed_images weft|scalar_rgb|llvm_ad_rgb out.npz '{"voxels": 256, ...}'`. One thread each.
-What comes before the first sample (loading, compiling) is left out for every program: a picture is made first.
+`python -m tests.peers.speed_images weft|scalar_rgb|llvm_ad_rgb out.npz '{"voxels": 256, ...}'`. One
+thread each. What comes before the first sample (loading, compiling) is left out for every program:
+a picture is made first.
 """
 
 from __future__ import annotations
