@@ -8,19 +8,25 @@ of the picture.
 from __future__ import annotations
 
 import heapq
-import math
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from weft.voxelize.grid import BRICK_SIZE
+
 from .brick_pool import EMPTY_CELL, LEVEL_SHIFT
 
 SMALLEST_SIDE = 8
 """Pixels below which no side is halved."""
-CELL_RADIUS = 4 * math.sqrt(3)
-"""Of the ball around a cell [voxels]."""
+SMALLEST_HEIGHT = 2
+"""Of a strip [pixels]."""
+STRIP_SHARE = 0.3
+"""Of the pool, for what a strip sees; the strips before it stay as long as they have room."""
+ROUNDING = 1e-3
+"""Of the device's camera rays, at most [pixels]."""
 CELLS_PER_CHUNK = 1 << 18
 
 
@@ -76,7 +82,7 @@ def occupied_cells(cells: np.ndarray, *, leveled: bool = False) -> OccupiedCells
 def cell_footprints(
     places: np.ndarray, camera: Mapping[str, Any], margin: float, sides: np.ndarray | None = None
 ) -> Footprints:
-    """Pixels that may see each cell, by the ball around it and `margin` pixels more.
+    """Pixels that may see each cell, by its corners and `margin` pixels more.
 
     `sides`: cells along the edge of each, where they are not all single.
 
@@ -88,36 +94,41 @@ def cell_footprints(
     for start in range(0, count, CELLS_PER_CHUNK):
         part = slice(start, start + CELLS_PER_CHUNK)
         side = np.ones(len(places[part])) if sides is None else sides[part]
-        middle = places[part] * 8.0 + 4.0 * side[:, None]
-        low[part], high[part], depth[part] = _project(middle, CELL_RADIUS * side, camera, margin)
+        corner = places[part] * float(BRICK_SIZE)
+        low[part], high[part], depth[part] = _project(corner, BRICK_SIZE * side, camera, margin)
     return Footprints(low, high, depth)
 
 
 def _project(
-    points: np.ndarray, radius: np.ndarray, camera: Mapping[str, Any], margin: float
+    corner: np.ndarray, edge: np.ndarray, camera: Mapping[str, Any], margin: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of cubes with these lower corners and edges: what their eight corners span, exact for a pinhole."""
     size = np.array(camera["image_size"], float)
-    offset = points - np.array(camera["camera_position"])
-    depth = offset @ np.array(camera["camera_forward"])
     axes = np.stack([camera["camera_right"], camera["camera_up"]], axis=-1)
     reach = np.linalg.norm(axes, axis=0)
-    across = offset @ (axes / reach)
-    near, far = np.ones(len(points)), np.ones(len(points))
+    low, high = np.full((len(corner), 2), np.inf), np.full((len(corner), 2), -np.inf)
+    near, far = np.full(len(corner), np.inf), np.full(len(corner), -np.inf)
+    for step in itertools.product((0.0, 1.0), repeat=3):
+        offset = corner + edge[:, None] * np.array(step) - np.array(camera["camera_position"])
+        depth = offset @ np.array(camera["camera_forward"])
+        across = offset @ (axes / reach)
+        if camera["camera_perspective"]:
+            across /= np.maximum(depth, 1e-6)[:, None]
+        low, high = np.minimum(low, across), np.maximum(high, across)
+        near, far = np.minimum(near, depth), np.maximum(far, depth)
     if camera["camera_perspective"]:
-        near, far = np.maximum(depth - radius, 1e-6), np.maximum(depth + radius, 1e-6)
-    edges = np.stack(
-        [(across + side[:, None]) / t[:, None] for side in (-radius, radius) for t in (near, far)]
-    )
-    blur = _blur(camera["lens"], near, far)[:, None]
-    low = (edges.min(axis=0) - blur) / reach
-    high = (edges.max(axis=0) + blur) / reach
+        around = (near <= 0) & (far > 0)
+        low[around], high[around] = -np.inf, np.inf
+        blur = _blur(camera["lens"], np.maximum(near, 1e-6), np.maximum(far, 1e-6))[:, None]
+        low, high = low - blur, high + blur
+    low, high = low / reach, high / reach
     # rows count downward
     low[:, 1], high[:, 1] = -high[:, 1], -low[:, 1].copy()
-    behind = camera["camera_perspective"] and depth + radius <= 0
     pixels = [np.clip((s + 1) / 2 * size, -1e6, 1e6) for s in (low, high)]
-    first, last = np.floor(pixels[0] - margin), np.floor(pixels[1] + margin)
-    last = np.where(np.reshape(behind, (-1, 1)), first - 1, last)
-    return first.astype(np.int32), last.astype(np.int32), depth.astype(np.float32)
+    first, last = np.floor(pixels[0] - margin - ROUNDING), np.floor(pixels[1] + margin + ROUNDING)
+    behind = bool(camera["camera_perspective"]) & (far <= 0)
+    last = np.where(behind[:, None], first - 1, last)
+    return first.astype(np.int32), last.astype(np.int32), ((near + far) / 2).astype(np.float32)
 
 
 def _blur(lens: tuple[float, ...], near: np.ndarray, far: np.ndarray) -> np.ndarray:
@@ -129,37 +140,62 @@ def _blur(lens: tuple[float, ...], near: np.ndarray, far: np.ndarray) -> np.ndar
 
 
 def subdivide_screen(
-    columns: range, rows: range, footprints: Footprints, layers: np.ndarray, capacity: int
+    columns: range,
+    rows: range,
+    footprints: Footprints,
+    layers: np.ndarray,
+    capacity: int,
+    *,
+    strips: bool = False,
 ) -> list[RenderBatch]:
     """Batches whose cells hold at most `capacity` bricks, or that are too small to be halved.
 
     A priority queue hands out the part that needs most memory, as the thesis has it; neighbors follow
-    each other in the result.
+    each other in the result. `strips`: only rows are halved.
     """
-    all_cells = _seen(footprints, np.arange(len(layers)), columns, rows)
+    all_cells = seen_cells(columns, rows, footprints)
     queue: list[tuple[int, tuple[int, ...], range, range, np.ndarray]] = [
         (-int(layers[all_cells].sum()), (), columns, rows, all_cells)
     ]
     done: list[tuple[tuple[int, ...], RenderBatch]] = []
     while queue:
         demand, path, columns, rows, cells = heapq.heappop(queue)
-        if -demand <= capacity or max(len(columns), len(rows)) <= SMALLEST_SIDE:
+        small = len(rows) <= SMALLEST_HEIGHT if strips else max(len(columns), len(rows)) <= SMALLEST_SIDE
+        if -demand <= capacity or small:
             nearest = cells[np.argsort(footprints.depth[cells], kind="stable")]
             done.append((path, RenderBatch(columns, rows, nearest)))
             continue
-        for half, (part_columns, part_rows) in enumerate(_halves(columns, rows)):
+        for half, (part_columns, part_rows) in enumerate(_halves(columns, rows, strips)):
             part = _seen(footprints, cells, part_columns, part_rows)
             size = int(layers[part].sum())
             heapq.heappush(queue, (-size, (*path, half), part_columns, part_rows, part))
     return [batch for _, batch in sorted(done, key=lambda item: item[0])]
 
 
-def _halves(columns: range, rows: range) -> list[tuple[range, range]]:
-    if len(columns) >= len(rows):
+def screen_strips(
+    columns: range, rows: range, footprints: Footprints, layers: np.ndarray, capacity: int, swaths: int
+) -> list[RenderBatch]:
+    """Batches in the order that keeps most bricks in a pool: strips of swaths, down one and up the next."""
+    found = []
+    for swath in range(swaths):
+        part = range(*(columns.start + len(columns) * (swath + i) // swaths for i in (0, 1)))
+        limit = int(capacity * STRIP_SHARE)
+        strips = subdivide_screen(part, rows, footprints, layers, limit, strips=True)
+        found += strips[::-1] if swath % 2 else strips
+    return found
+
+
+def _halves(columns: range, rows: range, strips: bool) -> list[tuple[range, range]]:
+    if len(columns) >= len(rows) and not strips:
         middle = len(columns) // 2
         return [(columns[:middle], rows), (columns[middle:], rows)]
     middle = len(rows) // 2
     return [(columns, rows[:middle]), (columns, rows[middle:])]
+
+
+def seen_cells(columns: range, rows: range, footprints: Footprints) -> np.ndarray:
+    """Cells that some pixel of a rectangle may see."""
+    return _seen(footprints, np.arange(len(footprints.low)), columns, rows)
 
 
 def _seen(footprints: Footprints, cells: np.ndarray, columns: range, rows: range) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 An OpenEXR file, uncompressed, with a part for each block of samples (float32, channels named after the film's
 layers, dataWindow where it lies in the picture), one for all blocks that are folded already (float64, as two
-uint32 channels each), and one for the paths that were under way. Attribute `weft.checkpoint` of the first
+uint32 channels each), and one for the paths that were under way, or where voxels are out of core a few
+(`aside ...`, passes.Aside), whose words fill an image. Attribute `weft.checkpoint` of the first
 part is a JSON object: schema, what the samples are of (`identity`), and what each part holds. Behind the
 OpenEXR data, where readers do not look, follow the ASCII word weftsha2 and the SHA-256 of all bytes before
 it, so that a damaged file is refused before anything in it is read.
@@ -12,8 +13,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +26,16 @@ from weft.files.errors import InputError, MergeError
 
 from .blocks import Unit
 from .image import ExrPart, read_parts, write_parts
-from .passes import Pass, PassState
+from .passes import Aside, Pass, PassState
 
 SCHEMA = 1
 ATTRIBUTE = "weft.checkpoint"
 SEAL = b"weftsha2"
 SEAL_BYTES = len(SEAL) + hashlib.sha256().digest_size
 CHUNK = 1 << 22
+ASIDE_NUMBERS = ("capacity", "strip", "first_sample", "last_sample")
+IMAGE_WIDTH = 1024
+"""Of the parts that are no images."""
 FILM_ROWS = ("R,G,B,hits", "squares.R,squares.G,squares.B,Z", "xx,yy,xy,xz", "albedo.R,albedo.G,albedo.B,yz")
 """Channels of the film's first layers, in the order of shaders/film/film.glsl."""
 MORE_ROWS = ("weighted,cut,surfaces,unused", "N.X,N.Y,N.Z,unused2")
@@ -130,7 +135,11 @@ def _parts(checkpoint: Checkpoint) -> Iterator[ExrPart]:
         for number, sums in enumerate(begun.sums):
             block = Unit(begun.work.window, begun.work.samples, sums)
             states.append(ExrPart(f"begun {number:05d}", _unit_channels(block), {}, begun.work.window[:2]))
-        states.append(ExrPart("paths", _columns("w", begun.lanes), {}, (0, 0)))
+        if begun.aside is None:
+            states.append(ExrPart("paths", _columns("w", begun.lanes), {}, (0, 0)))
+        else:
+            arrays = _aside_arrays(begun, begun.aside)
+            states += [ExrPart(f"aside {name}", _words(array), {}, (0, 0)) for name, array in arrays.items()]
     header = {
         "schema": SCHEMA,
         "identity": dict(checkpoint.identity),
@@ -153,7 +162,41 @@ def _pass_header(begun: PassState) -> dict[str, Any]:
         "blocks": len(begun.sums),
         "taken": begun.taken,
         "image_width": begun.image_width,
+        "aside": None if begun.aside is None else _aside_header(begun, begun.aside),
     }
+
+
+def _aside_arrays(begun: PassState, aside: Aside) -> dict[str, np.ndarray]:
+    return {
+        "lanes": begun.lanes,
+        "film": aside.film,
+        "next": aside.next,
+        "loose": aside.loose,
+        "loose_film": aside.loose_film,
+    }
+
+
+def _aside_header(begun: PassState, aside: Aside) -> dict[str, Any]:
+    arrays = _aside_arrays(begun, aside)
+    return {
+        **{name: getattr(aside, name) for name in ASIDE_NUMBERS},
+        "arrays": {name: [array.dtype.str, array.shape] for name, array in arrays.items()},
+    }
+
+
+def _words(array: np.ndarray) -> dict[str, np.ndarray]:
+    """Any array as an image of uint32, filled up with zeros."""
+    words = np.ascontiguousarray(array).reshape(-1).view(np.uint32)
+    image = np.zeros((max(-(-len(words) // IMAGE_WIDTH), 1), IMAGE_WIDTH), np.uint32)
+    image.reshape(-1)[: len(words)] = words
+    return {"words": image}
+
+
+def _from_words(part: ExrPart, dtype: str, shape: list[int]) -> np.ndarray:
+    """The inverse."""
+    count = math.prod(shape) * np.dtype(dtype).itemsize // 4
+    words = np.ascontiguousarray(part.channels["words"]).reshape(-1)[:count]
+    return words.view(dtype).reshape(shape)
 
 
 def _pass_state(header: Mapping[str, Any], parts: Mapping[str, ExrPart]) -> PassState:
@@ -161,9 +204,22 @@ def _pass_state(header: Mapping[str, Any], parts: Mapping[str, ExrPart]) -> Pass
     sums = [
         _sums(parts[f"begun {number:05d}"], work.window, folded=False) for number in range(header["blocks"])
     ]
+    state = PassState(work, np.stack(sums), np.zeros(0), header["taken"], header["image_width"])
+    if header.get("aside") is not None:
+        return _with_aside(state, header["aside"], parts)
     lanes = parts["paths"].channels
-    columns = np.stack([lanes[f"w{column}"] for column in range(4)], axis=-1)
-    return PassState(work, np.stack(sums), columns, header["taken"], header["image_width"])
+    return replace(state, lanes=np.stack([lanes[f"w{column}"] for column in range(4)], axis=-1))
+
+
+def _with_aside(state: PassState, header: Mapping[str, Any], parts: Mapping[str, ExrPart]) -> PassState:
+    arrays = {
+        name: _from_words(parts[f"aside {name}"], dtype, shape)
+        for name, (dtype, shape) in header["arrays"].items()
+    }
+    lanes = arrays.pop("lanes")
+    values: dict[str, Any] = {name: header[name] for name in ASIDE_NUMBERS} | arrays
+    aside = Aside(**values)
+    return replace(state, lanes=lanes, aside=aside)
 
 
 def _columns(prefix: str, lanes: np.ndarray) -> dict[str, np.ndarray]:
@@ -222,5 +278,15 @@ def _compare(wished: Checkpoint, found: Checkpoint, path: str | Path) -> None:
     if wished.begun is not None and found.begun is not None:
         same = same and np.array_equal(wished.begun.lanes, found.begun.lanes)
         same = same and np.array_equal(wished.begun.sums, found.begun.sums)
+        same = same and _same_aside(wished.begun, found.begun)
     if not same:
         raise OSError(f"{path}: the checkpoint reads back differently from what was written")
+
+
+def _same_aside(one: PassState, other: PassState) -> bool:
+    if one.aside is None or other.aside is None:
+        return one.aside is other.aside
+    arrays = [_aside_arrays(state, state.aside) for state in (one, other) if state.aside is not None]
+    return all(
+        np.array_equal(arrays[0][name].view(np.uint8), arrays[1][name].view(np.uint8)) for name in arrays[0]
+    )

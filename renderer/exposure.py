@@ -135,7 +135,7 @@ class Exposure:
         room = self.kernel.film_bytes // (self.scene.film_layers * 16)
         rows = self.kernel.options.rows_per_pass or max(1, min(PIXELS_PER_PASS, room) // width)
         wished = self.share.windows or planned_windows(self.config.window, rows)
-        return [tile for window in wished for tile in self.kernel.tiles(window)]
+        return list(wished)
 
     def _empty_tile(self, window: Window) -> TileSums:
         return TileSums(window, self.scene.film_layers, self.config.block_samples, begin=self.first)

@@ -5,20 +5,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
 
 from weft.files.errors import DeviceMemoryError
 
-from .batches import RenderBatch
 from .gpu import buffers
 from .gpu.device_memory import is_software
 from .gpu.programs import compute_program, set_uniforms
 from .heartbeat import dispatch_share, dispatching
 from .pager import BrickPager, pool_capacity
-from .passes import MODE_IDLE, MODE_PARKED, Pass, PassState, Window, range_window, window_ranges
+from .passes import MODE_IDLE, Pass, PassState
 from .scene import Scene
 from .trackers import control_sixteenths
 from .voxel_pages import brick_records, bricks_per_page, page_limit, voxel_pages_glsl
@@ -30,8 +29,6 @@ CORRELATION_WORDS = 3
 """Rows more where fibers are correlated (shaders/path/state.glsl)."""
 COLOR_WORDS = 1
 """Row more where extinction depends on color."""
-WANTED_ROW = 8
-"""Whose last word is the brick that a path waits for."""
 COUNTERS = (
     "pixel",
     "steps",
@@ -51,6 +48,10 @@ FILM_BYTES = 1 << 27
 """Of the sums on the device, at most: the smallest storage block that OpenGL 4.3 guarantees."""
 SLOWEST_SAMPLING_LOOP = 8
 """Iterations of the phase function's rejection loop that the budget allows for, per round, on average."""
+
+
+FILM_BYTES = 1 << 27
+"""Of the sums on the device: the smallest storage block that OpenGL 4.3 guarantees."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,6 @@ class Kernel:
         self._reserve_film()
         self.work = Pass((0, 0, 0, 0), range(0))
         self.busy = False
-        self.batches: dict[Window, RenderBatch] = {}
         self._upload()
         self.program = self._compile()
         set_uniforms(self.program, self.scene.uniforms() | {"lane_count": self.lane_count})
@@ -121,7 +121,6 @@ class Kernel:
         before, self.scene = self.scene, scene
         if self.pager is not None:
             self.pager.change(scene)
-            self.batches = {}
         if scene.light_table is not before.light_table:
             self.lights.release()
             self.lights = self._upload_lights()
@@ -148,36 +147,16 @@ class Kernel:
                 tick(finished)
         return self.sums()
 
-    def tiles(self, window: Window) -> list[Window]:
-        """Parts of a window to be traced one after the other: those whose bricks fit the device's pool."""
-        if self.pager is None:
-            return [window]
-        batches = {range_window(b.columns, b.rows): b for b in self.pager.batches(*window_ranges(window))}
-        self.batches |= batches
-        return list(batches)
-
-    def _load_bricks(self, window: Window) -> None:
-        """What a tile sees; of other windows what their first tile sees, the rest when it is wanted."""
-        if self.pager is None:
-            return
-        batch = self.batches.get(window) or self.pager.batches(*window_ranges(window))[0]
-        self.pager.begin(batch)
-        self.counts.brick_uploads, self.counts.bricks_used = self.pager.uploads, self.pager.bricks_used
-
     def begin(self, work: Pass, sums: np.ndarray | None = None) -> None:
         """Start a pass; `sums`: of earlier samples of its first block, [layer_count, pixel_count, 4]."""
-        film = np.zeros((self._block_count(work), self.scene.film_layers, work.pixel_count, 4), np.float32)
-        if sums is not None:
-            film[0] = sums
+        film = self._empty_sums(work, sums)
         self._start(PassState(work, film, self._idle_states(), 0, self._image_width))
 
     def restore(self, state: PassState) -> bool:
         """Go on with a pass that was begun; false where it ran with other lanes than there are here."""
-        if state.lanes.shape != (self.state_words, self.lane_count, 4):
+        if state.aside is not None or state.lanes.shape != (self.state_words, self.lane_count, 4):
             return False
-        lanes = state.lanes.copy()
-        lanes[5, :, 3] &= MODE_PARKED - 1  # whoever waited for a brick tries again
-        self._start(replace(state, lanes=lanes))
+        self._start(state)
         return True
 
     def sums(self) -> np.ndarray:
@@ -192,6 +171,13 @@ class Kernel:
         taken = int(buffers.read(self.counters, np.uint32)[0])
         return PassState(self.work, self.sums(), lanes, taken, self._image_width)
 
+    def _empty_sums(self, work: Pass, sums: np.ndarray | None) -> np.ndarray:
+        """Those that a pass begins with."""
+        film = np.zeros((self._block_count(work), self.scene.film_layers, work.pixel_count, 4), np.float32)
+        if sums is not None:
+            film[0] = sums
+        return film
+
     @property
     def _image_width(self) -> int:
         return self.scene.config.resolution[0]
@@ -200,13 +186,19 @@ class Kernel:
         return len(work.blocks(self.scene.config.block_samples))
 
     def _start(self, state: PassState) -> None:
-        work = self.work = state.work
-        self._load_bricks(work.window)
+        self.work = state.work
         self._fill_film(state.sums)
-        self.states.write(np.ascontiguousarray(state.lanes))
-        self.counters.write(np.array([state.taken, *[0] * WAITING_LANES], np.uint32))
+        self._fill_lanes(state.lanes, state.taken)
+        self._set_work(state.work, self.scene.config.block_samples)
+        self.busy = True
+
+    def _fill_lanes(self, lanes: np.ndarray, taken: int) -> None:
+        self.states.write(np.ascontiguousarray(lanes))
+        self.counters.write(np.array([taken, *[0] * WAITING_LANES], np.uint32))
+
+    def _set_work(self, work: Pass, block_samples: int) -> None:
         self._bind()
-        blocks = work.blocks(self.scene.config.block_samples)
+        blocks = work.blocks(block_samples)
         left, top, width, height = work.window
         set_uniforms(
             self.program,
@@ -217,12 +209,11 @@ class Kernel:
                 "row_count": height,
                 "sample_begin": work.samples.start,
                 "sample_end": work.samples.stop,
-                "block_shift": self.scene.config.block_samples.bit_length() - 1,
+                "block_shift": block_samples.bit_length() - 1,
                 "first_block": blocks.start,
                 "block_count": len(blocks),
             },
         )
-        self.busy = True
 
     @property
     def film_bytes(self) -> int:
@@ -254,6 +245,12 @@ class Kernel:
 
     def advance(self) -> int:
         """One dispatch; the number of samples it finished. `busy` says whether the pass needs another."""
+        values = self._dispatch()
+        self.busy = bool(values[BUSY_LANES])
+        return int(values[3])
+
+    def _dispatch(self) -> np.ndarray:
+        """The counters after it."""
         if not self.compiled:
             self._let_the_driver_compile()
         started = time.perf_counter()
@@ -265,17 +262,12 @@ class Kernel:
         seconds = time.perf_counter() - started
         # all but the next pixel start again from zero, so that none can pass 32 bits
         self.counters.write(np.concatenate([values[:1], np.zeros(len(values) - 1, np.uint32)]))
-        if self.pager is not None and values[WAITING_LANES]:
-            self.counts.waiting_lanes += int(values[WAITING_LANES])
-            self.pager.serve(self._wanted_bricks())
-            self.counts.brick_uploads, self.counts.bricks_used = self.pager.uploads, self.pager.bricks_used
         for name, value in zip(COUNTERS[1:], values[1:], strict=False):
             setattr(self.counts, name, getattr(self.counts, name) + int(value))
         self.counts.dispatches += 1
         self.counts.longest_dispatch_seconds = max(self.counts.longest_dispatch_seconds, seconds)
-        self._adapt(seconds)
-        self.busy = bool(values[BUSY_LANES])
-        return int(values[3])
+        self._adapt(self.options.dispatch_seconds * dispatch_share() / max(seconds, 1e-6))
+        return values
 
     def _let_the_driver_compile(self) -> None:
         """A dispatch of no rounds, so that the true ones can be told from a device that hangs."""
@@ -288,17 +280,11 @@ class Kernel:
         self.counters.write(before)
         self.compiled = True
 
-    def _wanted_bricks(self) -> np.ndarray:
-        """What each lane waits for, uint32, shape [lane_count]."""
-        row = self.lane_count * 16
-        return np.frombuffer(self.states.read(size=row, offset=WANTED_ROW * row), np.uint32)[3::4]
-
-    def _adapt(self, seconds: float) -> None:
-        """Rounds of the next dispatch: toward the wished duration, at most doubled, within the budget."""
+    def _adapt(self, factor: float) -> None:
+        """Rounds of the next dispatch: that many times as many, at most doubled, within the budget."""
         if self.options.rounds_per_dispatch:
             return
-        wished = self.options.dispatch_seconds * dispatch_share()
-        factor = min(2.0, max(0.25, wished / max(seconds, 1e-6)))
+        factor = min(2.0, max(0.25, factor))
         self.rounds = int(np.clip(round(self.rounds * factor), 1, self.most_rounds))
 
     @property

@@ -8,16 +8,27 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from .batches import Footprints, OccupiedCells, RenderBatch, cell_footprints, occupied_cells, subdivide_screen
+from .batches import (
+    Footprints,
+    OccupiedCells,
+    RenderBatch,
+    cell_footprints,
+    occupied_cells,
+    screen_strips,
+    seen_cells,
+    subdivide_screen,
+)
 from .brick_pool import BRICK_VOXELS, BrickPool
 from .direction_encoding import DIRECTION_BITS, encode_axis
 from .gpu import buffers
 from .residency import NO_BRICK, NOT_RESIDENT, Residency
 from .scene import Scene
+from .sweeps import Sweeps, swath_count
 from .voxel_colors import color_words, colors_of_words
+from .waiting import ANY_CELL
 
 BATCH_SHARE = 0.75
-"""Of the pool, for the bricks in a batch's frustum; the rest serves the paths that leave it."""
+"""Of the pool, for the bricks in the frustum of a batch that stands alone."""
 BRICKS_PER_UPLOAD = 1 << 14
 BRICKS_PER_SUM = 1 << 10
 
@@ -95,6 +106,7 @@ class BrickPager:
         if scene.config.outside_batch == "homogeneous":
             self._stand_in = mean_bricks(scene.pool, scene.extinction_scale)
             self._residency.capacity -= len(self._stand_in.records)
+            self._inside = np.zeros(len(records), bool)
         self.pages = [
             buffers.reserve(
                 context, min(page_bricks, capacity - start) * self._brick_bytes, name="the brick pool"
@@ -124,29 +136,56 @@ class BrickPager:
         """Different bricks among them."""
         return int(np.count_nonzero(self._residency.was_loaded))
 
-    def batches(self, columns: range, rows: range) -> list[RenderBatch]:
-        """Parts of a rectangle of pixels that fit the pool."""
+    @property
+    def capacity(self) -> int:
+        """Bricks that have room."""
+        return self._residency.capacity
+
+    @property
+    def exact(self) -> bool:
+        """Whether paths wait for the true voxels."""
+        return self._stand_in is None
+
+    def plan(self, columns: range, rows: range) -> tuple[list[RenderBatch], Sweeps]:
+        """Parts of a rectangle of pixels in the order in which to trace them, and how to go on after them."""
         if self._footprints is None:
             margin = getattr(self._scene.config.filter, "radius_px", 0.0)
             self._footprints = cell_footprints(
                 self._cells.places, self._scene.uniforms(), margin, self._cells.sides
             )
-        capacity = int(self._residency.capacity * BATCH_SHARE)
-        return subdivide_screen(columns, rows, self._footprints, self._cells.layers, capacity)
-
-    def begin(self, batch: RenderBatch) -> None:
-        """Load what the batch sees."""
-        self._load(*self._residency.begin_batch(batch.cells))
+        seen, layers = (columns, rows, self._footprints), self._cells.layers
+        swaths = swath_count(columns, rows, int(layers[seen_cells(*seen)].sum()), self.capacity)
+        sweeps = Sweeps(*seen, layers, self.capacity, swaths)
         if self._stand_in is not None:
-            inside = self._residency.in_batch[:, None]
+            return subdivide_screen(*seen, layers, int(self.capacity * BATCH_SHARE)), sweeps
+        return screen_strips(*seen, layers, self.capacity, swaths), sweeps
+
+    def load(self, cells: np.ndarray) -> None:
+        """The bricks of these cells, the first where not all fit. Beside a stand-in only they exist."""
+        cells = self._residency.fitting(cells)
+        self._load(*self._residency.admit(cells))
+        if self._stand_in is not None:
+            self._inside[:] = False
+            self._inside[self._residency.bricks_of(cells)] = True
             self.bricks.write(
-                np.where(inside, self._records, self._stand_in.records[self._scene.pool.medium])
+                np.where(
+                    self._inside[:, None], self._records, self._stand_in.records[self._scene.pool.medium]
+                )
             )
             self._write_table()
 
-    def serve(self, wanted: np.ndarray) -> None:
-        """Load what paths wait for. `wanted`: the word of each lane, `NO_BRICK` where it does not wait."""
-        self._load(*self._residency.serve(wanted[wanted != NO_BRICK].astype(np.int64)))
+    def cells_wanted(self, bricks: np.ndarray) -> np.ndarray:
+        """The cell of each brick that a path waits for; `ANY_CELL` for those that wait for none."""
+        cells = np.full(len(bricks), ANY_CELL, np.int64)
+        waits = bricks != NO_BRICK
+        cells[waits] = self._residency.cells_of(bricks[waits].astype(np.int64))
+        return cells
+
+    def can_go_on(self, cells: np.ndarray) -> np.ndarray:
+        """Whether paths that want these cells find them."""
+        can = cells == ANY_CELL
+        can[~can] = self._residency.is_resident(cells[~can])
+        return can
 
     def _load(self, bricks: np.ndarray, slots: np.ndarray) -> None:
         if not len(bricks):
@@ -164,7 +203,7 @@ class BrickPager:
         table = self._residency.slot_of_brick
         if self._stand_in is not None:
             outside = self._stand_in_slots()[self._scene.pool.medium].astype(np.uint32)
-            table = np.where(self._residency.in_batch, table, outside)
+            table = np.where(self._inside, table, outside)
         self.bricks.write(table, offset=self._table_offset)
 
     def _stand_in_slots(self) -> np.ndarray:

@@ -32,6 +32,27 @@ class Pass:
 
 
 @dataclass(frozen=True)
+class Aside:
+    """Of a pass out of core: where it is, and samples that are not in the sums yet."""
+
+    capacity: int
+    """Of the pool [bricks]; the strips of the screen depend on it."""
+    strip: int
+    first_sample: int
+    """Of the part of the strip's samples that is under way."""
+    last_sample: int
+    """The one behind them; -1: nobody knows yet."""
+    film: np.ndarray
+    """What the path of each lane has added, float32, shape [lane_count, layer_count * 4]."""
+    next: np.ndarray
+    """The sample that each block of each pixel takes next, int64, shape [block_count * pixel_count]."""
+    loose: np.ndarray
+    """Finished samples that come later: pixel within the pass and sample, int64, shape [n, 2]."""
+    loose_film: np.ndarray
+    """float32, shape [n, layer_count * 4]."""
+
+
+@dataclass(frozen=True)
 class PassState:
     """A pass between two dispatches, bit by bit."""
 
@@ -41,8 +62,10 @@ class PassState:
     lanes: np.ndarray
     """What each path does, uint32, shape [words, lane_count, 4]; see shaders/path/state.glsl."""
     taken: int
-    """Blocks of pixels that lanes have taken up, in the order of `pixel_order`."""
+    """Blocks of pixels that lanes have taken up, in the order of `pixel_order`; of a strip, samples."""
     image_width: int
+    aside: Aside | None = None
+    """What there is besides where voxels are out of core; `lanes` are then all paths that are under way."""
 
 
 def finished_blocks(state: PassState, block_samples: int) -> np.ndarray:
@@ -50,6 +73,9 @@ def finished_blocks(state: PassState, block_samples: int) -> np.ndarray:
     work = state.work
     left, top, width, _ = work.window
     blocks = work.blocks(block_samples)
+    if state.aside is not None:
+        ends = np.minimum((np.array(blocks) + 1) * block_samples, work.samples.stop)
+        return state.aside.next.reshape(len(blocks), -1) >= ends[:, None]
     done = np.arange(len(blocks) * work.pixel_count) < state.taken
     finished = np.zeros((len(blocks), work.pixel_count), bool)
     finished[:, pixel_order(work)] = done.reshape(len(blocks), work.pixel_count)
@@ -72,8 +98,3 @@ def window_ranges(window: Window) -> tuple[range, range]:
     """Columns and rows."""
     left, top, width, height = window
     return range(left, left + width), range(top, top + height)
-
-
-def range_window(columns: range, rows: range) -> Window:
-    """The inverse of `window_ranges`."""
-    return columns.start, rows.start, len(columns), len(rows)

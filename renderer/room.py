@@ -13,6 +13,7 @@ from weft.files.errors import DeviceMemoryError
 
 from .gpu.buffers import MIB
 from .kernel import GROUP_SIZE, PATHS, Kernel, KernelOptions, default_lane_count
+from .out_of_core import build_kernel
 from .pager import pool_capacity
 from .scene import Scene
 
@@ -30,7 +31,7 @@ def kernel_that_fits(context: moderngl.Context, scene: Scene, options: KernelOpt
     while attempt is not None:
         scene, options = attempt
         try:
-            return Kernel(context, scene, options)
+            return build_kernel(context, scene, options)
         except DeviceMemoryError as error:
             refused = error
             attempt = _smaller(context, scene, options, paths_first=getattr(error, "name", "") == PATHS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import resource
 from contextlib import nullcontext
 
@@ -112,7 +113,7 @@ def test_a_stopped_picture_holds_whole_blocks_of_each_pixel(tmp_path):
 
 
 def test_a_pool_on_the_device_may_come_and_go(tmp_path, uninterrupted):
-    """Paths that wait for bricks are kept, and go on whether or not the bricks are all there now."""
+    """What is finished counts with any pool; paths under way go on in one of the same size."""
     pools = (0.0079, None, 0.0041, 0.0079)
     for pool in pools:
         assert not render(tmp_path / "a.exr", stop=20, brick_pool_mb=pool).complete
@@ -234,3 +235,37 @@ def test_a_disk_that_fills_up_at_any_byte_leaves_the_previous_checkpoint(tmp_pat
         assert path.read_bytes() == kept
         assert list(tmp_path.iterdir()) == [path]
     write_checkpoint(path, before)
+
+
+def test_out_of_core_it_goes_on_where_it_was(tmp_path, uninterrupted):
+    """Stopped in strips and in sweeps, with paths aside, samples that wait for others, other lanes."""
+    pool, path, lanes = 0.0045, tmp_path / "a.exr", itertools.cycle((64, 128))
+    whole = render(tmp_path / "b.exr", brick_pool_mb=pool)
+    assert whole.statistics.brick_uploads > whole.statistics.bricks_used
+    result, stops, loose, strips = render(path, stop=3, brick_pool_mb=pool), 0, 0, set()
+    while not result.complete:
+        aside = read_checkpoint(path).begun.aside
+        loose, strips = loose + len(aside.loose), strips | {aside.strip}
+        options = {"lane_count": next(lanes), "rounds_per_dispatch": 2}
+        result, stops = render(path, stop=7, brick_pool_mb=pool, options=options), stops + 1
+    assert stops > 5
+    assert loose > 0
+    assert len(strips) > 3
+    assert_same(result, uninterrupted)
+    for counted in ("paths", "scattering_events", "tracking_steps", "cut_paths"):
+        assert getattr(result.statistics, counted) == getattr(uninterrupted.statistics, counted)
+
+
+def test_out_of_core_a_stopped_picture_holds_whole_blocks(tmp_path):
+    settings = {"resume": False, "brick_pool_mb": 0.0045}
+    whole = {n: render(tmp_path / "w.exr", resume=False, samples_per_pixel=n) for n in (4, 8, 11)}
+    seen = set()
+    for stop in (10, 40, 80, 120):
+        result = render(tmp_path / "a.exr", stop=stop, **settings)
+        counts = result.layers["samples"]
+        for count, full in whole.items():
+            here = counts == count
+            np.testing.assert_array_equal(result.radiance[here], full.radiance[here])
+        assert np.isin(counts, [0, *whole]).all()
+        seen |= set(counts.ravel().tolist())
+    assert seen >= {0, 11}

@@ -102,25 +102,26 @@ def random_residency(capacity, seed=7, cell_count=200):
 
 
 @pytest.mark.parametrize("capacity", [3, 10, 150])
-def test_slots_and_bricks_agree_and_the_most_wanted_cell_comes(capacity):
+def test_slots_and_bricks_agree_and_the_first_cell_comes(capacity):
     residency = random_residency(capacity)
     rng = np.random.default_rng(11)
     for _ in range(200):
-        if rng.random() < 0.1:
-            residency.begin_batch(rng.permutation(200)[:50])
-        wanted = rng.integers(0, len(residency.slot_of_brick), rng.integers(1, 60))
-        bricks, slots = residency.serve(wanted)
+        wanted = rng.permutation(200)[: rng.integers(1, 60)]
+        bricks, slots = residency.admit(wanted)
         assert len(np.unique(slots)) == len(slots)
         assert (residency.slot_of_brick[bricks] == slots).all()
         held = np.flatnonzero(residency.slot_of_brick != NOT_RESIDENT)
         assert (residency.brick_of_slot[residency.slot_of_brick[held]] == held).all()
         assert len(held) == np.count_nonzero(residency.brick_of_slot >= 0) <= capacity
-        cells, waiting = np.unique(
-            np.searchsorted(residency.first, wanted, side="right") - 1, return_counts=True
-        )
-        most = cells[np.argmax(waiting / residency.layers[cells])]
-        whole = residency.first[most] + np.arange(residency.layers[most])
-        assert (residency.slot_of_brick[whole] != NOT_RESIDENT).all()
+        fitting = residency.fitting(wanted)
+        assert fitting[0] == wanted[0]
+        assert (residency.slot_of_brick[residency.bricks_of(fitting)] != NOT_RESIDENT).all()
+        assert residency.is_resident(fitting).all()
+        everywhere = np.arange(200)
+        missing = [
+            NOT_RESIDENT in residency.slot_of_brick[residency.bricks_of(everywhere[[c]])] for c in everywhere
+        ]
+        np.testing.assert_array_equal(residency.is_resident(everywhere), ~np.array(missing))
 
 
 def scene_of(camera, **settings):

@@ -1,5 +1,5 @@
 // Sums over a block of samples of a pixel. One lane owns such a block and adds its samples in order, so the sums do not
-// depend on scheduling. `place`: where they lie, film_place(). Needs from the program: film[], film_pixel_count().
+// depend on scheduling. `place`: where they lie, film_place(). Needs from the program: film[], film_layer_size().
 //   0: radiance, opacity   1: radiance squared, depth of the first scattering [voxels]
 //   2: t_x t_x, t_y t_y, t_x t_y, t_x t_z of the fiber axis t there   3: albedo there, t_y t_z
 //   4: opacity as the filter weighs it, paths cut short, paths that met a surface first, 0
@@ -8,13 +8,14 @@
 // first scatterings, and that number is the sum of opacity less those that met a surface.
 
 void film_add(uint place, uint layer, vec4 value) {
-    uint index = layer * film_pixel_count() + place;
+    uint index = layer * film_layer_size() + place;
     film[index] += value;
 }
 
 void film_add_sample(uint place, vec3 radiance, float opacity) {
     film_add(place, 0u, vec4(radiance, opacity));
-    film_add(place, 1u, vec4(radiance * radiance, 0.0));
+    precise vec3 squares = radiance * radiance;  // no fused multiply-add: out of core they are added on the host
+    film_add(place, 1u, vec4(squares, 0.0));
 }
 
 void film_add_filtered_opacity(uint place, float opacity) {
@@ -34,6 +35,8 @@ void film_add_first_surface(uint place, float depth, vec3 normal, vec3 albedo) {
 
 void film_add_first_scattering(uint place, float depth, vec3 axis, vec3 albedo) {
     film_add(place, 1u, vec4(0.0, 0.0, 0.0, depth));
-    film_add(place, 2u, vec4(axis.x * axis.x, axis.y * axis.y, axis.x * axis.y, axis.x * axis.z));
-    film_add(place, 3u, vec4(albedo, axis.y * axis.z));
+    precise vec4 outer = axis.xyxx * axis.xyyz;
+    precise float yz = axis.y * axis.z;
+    film_add(place, 2u, outer);
+    film_add(place, 3u, vec4(albedo, yz));
 }

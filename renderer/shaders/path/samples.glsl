@@ -3,6 +3,7 @@
 #constant CAMERA_LENS
 #constant CAMERA_DISTORTION
 #constant PIXEL_FILTER
+#constant BRICK_POOL
 #include "generated/distortion.glsl"  // camera/distortion.glsl, camera/lens.glsl, film/filter.glsl; empty where the
 #include "generated/lens.glsl"        // scene needs none
 #include "generated/filter.glsl"
@@ -42,9 +43,9 @@ void finish_sample(inout Path p) {
     float weight;
     sample_place(p.rng, weight);
     radiance *= weight;
-    film_add_filtered_opacity(film_place(p.rng.xy), weight * opacity);
+    film_add_filtered_opacity(film_place(p), weight * opacity);
 #endif
-    film_add_sample(film_place(p.rng.xy), radiance, opacity);
+    film_add_sample(film_place(p), radiance, opacity);
     finished_samples += 1u;
     p.mode = MODE_IDLE;
 }
@@ -99,6 +100,9 @@ void start_sample(inout Path p) {
             p.mode = MODE_DONE;
             return;
         }
+#if BRICK_POOL
+        p.slot = taken;
+#endif
         p.rng.x = nth_pixel(taken % film_pixel_count());
         p.rng.y = max(sample_begin, (first_block + taken / film_pixel_count()) << block_shift);
     }

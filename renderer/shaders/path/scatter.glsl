@@ -10,6 +10,16 @@
 #constant SAMPLE_PHASE
 #constant OTHER_MEDIA  // than those of fibers on the grid
 #include "generated/collide.glsl"  // medium/collide.glsl; empty where there are none
+#constant BRICK_POOL
+
+// Where the path's sample is summed: out of core apart from all others, since samples may overtake each other.
+uint film_place(Path p) {
+#if BRICK_POOL
+    return p.slot;
+#else
+    return film_place(p.rng.xy);
+#endif
+}
 
 // Balance heuristic between light sampling and phase function sampling.
 float light_weight(float light_pdf, float phase_pdf) {
@@ -33,7 +43,7 @@ void roulette(inout Path p, uint bits) {
 
 void cut_path(inout Path p) {
     cut_paths += 1u;
-    film_add_cut(film_place(p.rng.xy));
+    film_add_cut(film_place(p));
     p.mode = MODE_ESCAPED;
     p.throughput = vec3(0.0);
 }
@@ -54,7 +64,7 @@ void scatter(inout Path p) {
 #endif
     Phase phase = phase_at(medium, -p.direction * frame, tint);
     if (p.bounce == 0u) {
-        film_add_first_scattering(film_place(p.rng.xy), p.t, axis, phase_albedo(phase));
+        film_add_first_scattering(film_place(p), p.t, axis, phase_albedo(phase));
     }
     p.radiance += p.throughput * phase_emission(phase);
     if (p.bounce >= max_bounces) {

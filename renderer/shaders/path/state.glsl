@@ -73,6 +73,7 @@ struct Path {
     float next_free;     // delta tracking: optical depth to the next tentative collision
 #if BRICK_POOL
     uint wanted;         // the brick a parked path waits for
+    uint slot;           // where its sample is summed
 #endif
 #if SURFACES
     float t_end;         // where the segment ends: the nearest surface found, or the light [voxels]
@@ -125,6 +126,7 @@ Path load_path(uint lane) {
     p.rng = uvec4(w8.x, w8.y, w7.w, seed);
     p.next_free = uintBitsToFloat(w8.z);
 #if BRICK_POOL
+    p.slot = p.mode >> 4u;
     p.mode &= MODE_PARKED - 1u;  // parked paths try again
     p.wanted = NO_BRICK;
 #endif
@@ -163,6 +165,9 @@ void store_path(uint lane, Path p) {
     states[lane + lane_count * 2u] = uvec4(floatBitsToUint(p.throughput), floatBitsToUint(p.phase_pdf));
     states[lane + lane_count * 3u] = uvec4(floatBitsToUint(p.next_direction), floatBitsToUint(p.next_depth));
     states[lane + lane_count * 4u] = uvec4(floatBitsToUint(p.light), floatBitsToUint(p.shadow_depth));
+#if BRICK_POOL
+    p.mode |= p.slot << 4u;
+#endif
     states[lane + lane_count * 5u] = uvec4(floatBitsToUint(p.radiance), p.mode);
     states[lane + lane_count * 6u] = uvec4(uvec3(p.voxel), p.bounce);
     states[lane + lane_count * 7u] = uvec4(uvec3(p.origin_voxel), p.rng.z);

@@ -48,7 +48,7 @@ void meet_light(inout Path p, uint light, vec3 normal) {
     bool front = dot(p.direction, lights[local_lights + 4u * light + 3u].xyz) < 0.0;
     vec3 emitted = front ? entry.rgb : vec3(0.0);
     if (p.bounce == 0u) {
-        film_add_first_surface(film_place(p.rng.xy), p.t_end, normal, vec3(0.0));
+        film_add_first_surface(film_place(p), p.t_end, normal, vec3(0.0));
         p.radiance += p.throughput * emitted;
         p.bounce = 1u;
     } else {
@@ -89,7 +89,7 @@ void meet_surface(inout Path p) {
     }
 #endif
     vec3 color = surface_color(vertex);
-    if (p.bounce == 0u) film_add_first_surface(film_place(p.rng.xy), p.t_end, vertex.normal, color);
+    if (p.bounce == 0u) film_add_first_surface(film_place(p), p.t_end, vertex.normal, color);
     if (p.bounce >= max_bounces) {
         cut_path(p);
         return;

@@ -32,6 +32,9 @@ uniform uint block_shift;    // blocks of 2^block_shift samples are summed apart
 uniform uint first_block;    // of this pass
 uniform uint block_count;
 uniform uint film_layers;
+#if BRICK_POOL
+uniform uint film_slots;  // of single samples
+#endif
 uniform uint max_bounces;
 uniform uint roulette_start;
 uniform float start_offset;  // of segments after a scattering event [voxels]
@@ -67,6 +70,15 @@ uint majorant_violations = 0u;
 
 uint film_pixel_count() {
     return row_count * column_count;
+}
+
+// Places of one layer of the film.
+uint film_layer_size() {
+#if BRICK_POOL
+    return film_slots;
+#else
+    return film_pixel_count();
+#endif
 }
 
 // Where the sums of (pixel, sample) lie among those of this pass: block by block, the layers of a block together.
