@@ -15,8 +15,11 @@ import pytest
 
 from tests.conftest import CHECKOUT
 
-from .mutations import MUTATIONS, Mutation
+from .mutations import TRACKING_MUTATIONS, Mutation
+from .mutations_of_media import MEDIA_MUTATIONS
+from .mutations_of_surfaces import SURFACE_MUTATIONS
 
+MUTATIONS = (*TRACKING_MUTATIONS, *SURFACE_MUTATIONS, *MEDIA_MUTATIONS)
 LEFT_OUT = (".git", ".venv", "build", "pictures", "*.png", "__pycache__", ".*_cache", "*.out")
 RUN_TESTS_OF_THE_COPY = """
 import sys
