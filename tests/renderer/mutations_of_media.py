@@ -6,6 +6,7 @@ from .mutations import Mutation, shader_fault
 
 MEDIA = "tests/renderer/test_media.py::"
 TRACKERS = "tests/renderer/test_trackers.py::"
+RAYS = "tests/renderer/test_rays.py::"
 RANDOM = "tests/renderer/shaders/test_rng.py::"
 
 MEDIA_MUTATIONS: tuple[Mutation, ...] = (
@@ -77,7 +78,7 @@ MEDIA_MUTATIONS: tuple[Mutation, ...] = (
         "medium/residual_step.glsl",
         "if (over && p.depth_left < 0.0) {",
         "if (p.depth_left < 0.0) {",
-        TRACKERS + "test_estimators_agree_to_a_few_thousandths",
+        RAYS + "test_residual_rays_pass_where_their_bricks_are_empty",
     ),
     shader_fault(
         "marching begins at a whole step",

@@ -18,10 +18,10 @@ SURFACE_MUTATIONS: tuple[Mutation, ...] = (
         PRINCIPLED + "test_samples_follow_their_density",
     ),
     shader_fault(
-        "clearcoat's density without its cosine",
+        "clearcoat's density 3 % high",
         "surface/principled.glsl",
         "gtr1(h, clearcoat_alpha(m)) * h.z / (4.0 * dot(wo, h))",
-        "gtr1(h, clearcoat_alpha(m)) / (4.0 * dot(wo, h))",
+        "gtr1(h, clearcoat_alpha(m)) * h.z / (3.9 * dot(wo, h))",
         PRINCIPLED + "test_samples_follow_their_density",
     ),
     shader_fault(

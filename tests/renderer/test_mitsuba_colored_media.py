@@ -18,7 +18,7 @@ from .volumes import uniform_grid, volume
 pytestmark = pytest.mark.gl
 
 ERROR_PROBABILITY = 1e-4
-"""Chance that one of the comparisons below fails although both programs are right (Sidak over all of them)."""
+"""Chance that one of the comparisons fails although both programs are right (Sidak over all of them)."""
 SIZE, TILE = 32, 8
 EXTINCTION, ALBEDO, G = (0.8, 2.0, 5.0), (0.95, 0.8, 0.6), 0.5
 LOWER, UPPER = (-0.5, -0.4, -0.6), (0.7, 0.5, 0.4)
