@@ -237,7 +237,8 @@ def build_scene(config: RenderConfig, volume: AnyVolume, scattering: Mapping[str
     camera = place_camera(config.camera, bounds, config.resolution)
     media: OtherMedia | None = None
     if isinstance(shown, VolumeLevels):
-        pool = shown.pool(pixel_footprint(camera, config.resolution), config.detail_pixels or 0.0)
+        footprint, on_disk = pixel_footprint(camera, config.resolution), config.brick_pool_mb is not None
+        pool = shown.pool(footprint, config.detail_pixels or 0.0, on_disk=on_disk)
     else:
         shown, media = with_other_media(config, shown)
         pool = finest_pool(shown)

@@ -333,6 +333,14 @@ def test_levels_on_the_disk_are_those_in_memory(tmp_path):
     one, two = (build_scene(config, source, BLACK).pool for source in (levels, stored))
     for field in dataclasses.fields(one):
         np.testing.assert_array_equal(getattr(one, field.name), getattr(two, field.name), field.name)
+    lazy = build_scene(config.model_copy(update={"brick_pool_mb": 1.0}), stored, BLACK).pool
+    assert not isinstance(lazy.voxels, np.ndarray)
+    for field in dataclasses.fields(one):
+        if field.name != "voxels":
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(lazy, field.name), field.name)
+    some = np.random.default_rng(1).integers(0, len(one.voxels), 50)
+    np.testing.assert_array_equal(one.voxels[some], lazy.voxels[some])
+    np.testing.assert_array_equal(one.voxels[3:9], lazy.voxels[3:9])
     write_volume(path, volume(bar(seed=9)))
     with pytest.raises(InputError, match=r"is a level of another volume than volume\.vdb"):
         open_levels(path)
