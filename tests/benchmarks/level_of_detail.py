@@ -76,7 +76,10 @@ def compare(job: Job, path: Path, width: int, samples: int, choices: list[float]
     print(f"| {width} | full |{levels_of(full.one)} | | | | {mib(full):.1f} MiB | 1 | 1 |", flush=True)
     for pixels in choices:
         shot = Shot(job, path, width, pixels)
-        if levels_of(shot.taken(1, 0)) in [levels_of(row.one) for row in rows]:
+        drawn = shot.taken(1, 0)
+        if not any(share.brick_count for share in drawn.statistics.detail[1:]):
+            continue  # all in full detail
+        if levels_of(drawn) in [levels_of(row.one) for row in rows]:
             continue
         other = pair(shot, samples)
         mean, error = mean_difference(full, other)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from weft.files.errors import InputError
+from weft.renderer.batches import cell_footprints, occupied_cells
 from weft.renderer.camera import place_camera
 from weft.renderer.config import (
     BoxFilter,
@@ -135,16 +136,57 @@ def test_a_threshold_below_all_voxels_changes_no_bit(tracking):
 @pytest.mark.gl
 @pytest.mark.parametrize("camera", [ALONG, OrthographicCamera(view_direction=(0.3, 0.5, 1.0))])
 def test_equal_density_is_as_deep_at_every_level(camera):
-    """No gap and nothing twice where levels meet: the same rays end at the same places."""
-    levels = leveled(volume(uniform_grid((24, 4, 4), 0.004, (1, 2, 3))), lobes=1)
+    """No gap and nothing twice where levels meet: the same rays end at the same places.
+
+    The block begins at no multiple of the coarse bricks, so these reach beyond it.
+    """
+    start = np.array([-3, 5, 1])
+    grid = uniform_grid((24, 4, 4), 0.004, (1, 2, 3))
+    grid = dataclasses.replace(grid, origins=(grid.origins + 8 * start).astype(np.int32))
+    levels = leveled(volume(grid), lobes=1)
+    if camera.kind == "perspective":
+        move = start * 8 * VOXEL_MM
+        camera = camera.model_copy(
+            update={
+                "position_mm": tuple(camera.position_mm + move),
+                "target_mm": tuple(camera.target_mm + move),
+            }
+        )
     full = run(looking(camera, None), levels.levels[0], BLACK)
     for pixels in (1.0, 3.0):
         mixed = run(looking(camera, pixels), levels, BLACK)
         assert mixed.statistics.detail[-1].level >= 1
         np.testing.assert_allclose(mixed.radiance, full.radiance, atol=1e-7)
         np.testing.assert_allclose(mixed.layers["Z"], full.layers["Z"], rtol=2e-5)
-        assert mixed.statistics.tracking_steps < full.statistics.tracking_steps
-        assert mixed.statistics.device_bytes < 0.8 * full.statistics.device_bytes
+        assert mixed.statistics.device_bytes < 0.9 * full.statistics.device_bytes
+    if camera.kind == "orthographic":
+        assert mixed.statistics.tracking_steps < 0.7 * full.statistics.tracking_steps
+
+
+def test_a_coarse_brick_is_seen_wherever_its_cells_are():
+    """What batches load beforehand: pixels that see any of its cells see the brick."""
+    frame = place_camera(ALONG, BOUNDS, (40, 40))
+    camera = {
+        "image_size": (40, 40),
+        "camera_position": tuple(frame.position / VOXEL_MM),
+        "camera_forward": tuple(frame.forward),
+        "camera_right": tuple(frame.right),
+        "camera_up": tuple(frame.up),
+        "camera_perspective": 1,
+        "lens": (0.0, 1.0, 0.0, 0.0),
+    }
+    pool = build_scene(looking(ALONG, 3.0), independent_levels(), BLACK).pool
+    bricks = occupied_cells(pool.cells, leveled=True)
+    assert (np.diff(bricks.first) == bricks.layers[:-1]).all()
+    assert set(bricks.sides) == {1, 2, 4, 8}
+    assert (bricks.places % bricks.sides[:, None] == 0).all()
+    seen = cell_footprints(bricks.places, camera, 0.0, bricks.sides)
+    for place, side, low, high in zip(bricks.places, bricks.sides, seen.low, seen.high, strict=True):
+        cells = place + np.array(list(np.ndindex((side,) * 3)))
+        single = cell_footprints(cells, camera, 0.0)
+        visible = (single.high >= single.low).all(axis=1)
+        assert (single.low[visible] >= low).all()
+        assert (single.high[visible] <= high).all()
 
 
 @pytest.mark.gl
