@@ -52,10 +52,13 @@ def amplitude_choice(parameterization: Parameterization, channels: int) -> Ampli
 
 def lobe_columns(kinds: LobeKinds, channels: int, full: jax.Array, data: DirectionData) -> jax.Array:
     """The four functions that the amplitudes multiply, shape [N, 4]."""
-    along_around = lobe_densities(kinds, lobe_parameters(full, channels), data.directions)
+    lobes = lobe_parameters(full, channels)._replace(**data.tables)
+    along_around = lobe_densities(kinds, lobes, data.directions)
     s = schlick(jnp.cos(data.directions.theta_o))[data.directions.pair_theta_o[data.directions.pair]]
-    lobes = [data.factor * lobe for lobe in along_around.T]
-    r, tt, trt, grazing = lobes if len(lobes) == 4 else (*lobes, lobes[0])  # as phase.py of `symmetric`
+    columns = [data.factor * lobe for lobe in along_around.T]
+    r, tt, trt, grazing = (
+        columns if len(columns) == 4 else (*columns, columns[0])
+    )  # as phase.py of `symmetric`
     return jnp.stack([r - s * grazing, s * grazing, (1 - s) * tt, (1 - s) * trt], axis=-1)
 
 

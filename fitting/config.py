@@ -6,6 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from weft.fiber_model.scattering.config import AzimuthalTable
+from weft.fiber_model.scattering.parameters import TABLES, Table, check_tables
+from weft.files.errors import InputError
 from weft.files.input_file import InputFile
 
 WIDTHS = (
@@ -148,6 +151,12 @@ class FitConfig(_Table):
     """Shape of the lobes along the fiber."""
     azimuthal: Literal["wrapped_normal", "von_mises"] = "wrapped_normal"
     """Shape of the lobes around the fiber."""
+    azimuthal_table_r: AzimuthalTable | None = None
+    """N of R as [scattering] has it, held as it is; the widths along the fiber and the colors are fitted."""
+    azimuthal_table_tt: AzimuthalTable | None = None
+    """N of TT; the width that it takes the place of is held at that of the nearest simple lobe."""
+    azimuthal_table_trt: AzimuthalTable | None = None
+    """N of TRT, likewise."""
     gamma_trt: bool = True
     """Give TRT a width around the fiber; otherwise it is uniform, as in the thesis."""
     grazing: bool = False
@@ -193,6 +202,23 @@ class FitConfig(_Table):
             raise ValueError('grazing: widths that change with the angle are not reciprocal; "symmetric" is')
         if self.grazing and self.brightest_tt:
             raise ValueError("grazing: C_TT T and C_TRT (1 - T) at two angles leave brightest_tt no freedom")
+        return self
+
+    @property
+    def tables(self) -> dict[str, Table]:
+        """The tables that are given, by their names."""
+        return {name: getattr(self, name) for name in TABLES if getattr(self, name) is not None}
+
+    @model_validator(mode="after")
+    def _tables_fit(self) -> FitConfig:
+        try:
+            check_tables(self.tables)
+        except InputError as error:
+            raise ValueError(str(error)) from error
+        if self.longitudinal == "symmetric" and any(len(table) > 1 for table in self.tables.values()):
+            raise ValueError(
+                'a table of several rows changes with the angle, so is not reciprocal; "symmetric" is'
+            )
         return self
 
     @model_validator(mode="after")

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from weft.fiber_model.scattering.azimuthal_table import nearest_width
 from weft.fiber_model.scattering.phase_jax import LobeKinds, LobeParameters
 from weft.files.errors import InputError
 
@@ -107,7 +108,22 @@ def _with_defaults(config: FitConfig, scale_known: bool) -> dict[str, ParameterC
         asked["azimuthal_width_trt_deg"] = ParameterConfig(fixed=LIMITS["azimuthal"][1])
         if config.grazing:
             asked["azimuthal_width_trt_grazing_deg"] = ParameterConfig(fixed=LIMITS["azimuthal"][1])
+    asked |= _widths_of_tables(config)
     return asked | dict(config.parameters)
+
+
+def _widths_of_tables(config: FitConfig) -> dict[str, ParameterConfig]:
+    """A lobe with a table has no width that data could tell: that of the nearest simple lobe is held."""
+    asked: dict[str, ParameterConfig] = {}
+    for name, table in config.tables.items():
+        if name == "azimuthal_table_r":
+            continue
+        width = name.replace("table", "width")
+        ends = {f"{width}_deg": 0} | ({f"{width}_grazing_deg": -1} if config.grazing else {})
+        asked |= {
+            key: ParameterConfig(fixed=math.degrees(nearest_width(table, i))) for key, i in ends.items()
+        }
+    return asked
 
 
 def _entries(name: str, channels: int) -> list[int]:

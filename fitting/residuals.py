@@ -7,11 +7,13 @@ of it, so that other data (photographs of a cloth, say) can bring a residual of 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from weft.fiber_model.scattering.parameters import Table
 from weft.fiber_model.scattering.phase_jax import (
     DistinctDirections,
     LobeKinds,
@@ -26,6 +28,7 @@ from .parameterization import SCALE, lobe_parameters
 import jax  # isort: skip  after phase_jax, which switches it to 64 bits
 import jax.numpy as jnp  # isort: skip
 
+_NO_TABLES: Mapping[str, Table] = {}
 SMALLEST = 1e-6
 """Values below this part of the largest are as good as zero to the cube root and the logarithm."""
 
@@ -50,6 +53,8 @@ class DirectionData(NamedTuple):
     """1 / sigma on the scale of the loss, shape [N, C]; 0 leaves the datum out."""
     peak: jax.Array
     """Largest value of each channel, shape [C]."""
+    tables: dict[str, jax.Array]
+    """Tables around the fiber that the fit holds, by the names of `LobeParameters`; often none."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,8 @@ class DirectionResidual:
 
 def predict(kinds: LobeKinds, channels: int, full: jax.Array, data: DirectionData) -> jax.Array:
     """The model's value of the measured quantity, shape [N, C]."""
-    values = fiber_phase_eval(kinds, lobe_parameters(full, channels), data.directions)
+    lobes = lobe_parameters(full, channels)._replace(**data.tables)
+    values = fiber_phase_eval(kinds, lobes, data.directions)
     return full[SCALE] * data.factor[:, None] * values
 
 
@@ -110,7 +116,7 @@ def transform_slope(loss: str, y: Any, peak: Any) -> Any:
     return 1 / (1e3 * SMALLEST * peak + np.abs(y))
 
 
-def direction_data(measurements: Measurements) -> DirectionData:
+def direction_data(measurements: Measurements, tables: Mapping[str, Table] = _NO_TABLES) -> DirectionData:
     """With weights of one; noise.py gives the right ones."""
     if measurements.quantity == "brdf":
         raise InputError(
@@ -128,7 +134,8 @@ def direction_data(measurements: Measurements) -> DirectionData:
     peak = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
     padded = DistinctDirections(*map(_padded, directions))
     weights = _padded(np.ones_like(values), with_zeros=True)
-    return DirectionData(padded, *map(jnp.asarray, (_padded(factor), _padded(values), weights, peak)))
+    held = {name: jnp.asarray(table, float) for name, table in tables.items()}
+    return DirectionData(padded, _padded(factor), _padded(values), weights, jnp.asarray(peak), held)
 
 
 def _padded(array: Any, *, with_zeros: bool = False) -> jax.Array:

@@ -15,13 +15,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from weft.files.errors import InputError
+from .parameters import Table
 
 Array = NDArray[np.float64]
-Table = tuple[tuple[float, ...], ...]
-
-ROWS = (1, 4)
-KNOTS = (9, 129)
 
 
 @lru_cache(maxsize=256)
@@ -86,18 +82,12 @@ def _row_sample(density: Array, u: Array) -> Array:
     return np.sign(signed) * step * (cell + np.clip(x, 0, 1))
 
 
-def check_table(name: str, table: Table) -> None:
-    """Raises `InputError` for what is no table of densities."""
-    lengths = {len(row) for row in table}
-    if not ROWS[0] <= len(table) <= ROWS[1]:
-        raise InputError(f"scattering: {name} has {len(table)} rows; it must have {ROWS[0]} to {ROWS[1]}")
-    if len(lengths) > 1 or not KNOTS[0] <= min(lengths) <= KNOTS[1]:
-        raise InputError(
-            f"scattering: {name} has rows of {', '.join(map(str, sorted(lengths)))} numbers; "
-            f"all must have the same number, {KNOTS[0]} to {KNOTS[1]}"
-        )
-    values = np.array(table, dtype=np.float64)
-    if not (np.isfinite(values).all() and (values >= 0).all() and (values.max(axis=1) > 0).all()):
-        raise InputError(
-            f"scattering: {name} must hold finite densities of at least 0, and one above 0 in each row"
-        )
+def nearest_width(table: Table, row: int) -> float:
+    """gamma [rad] of the wrapped normal with this row's ∫ N cos(phi) dphi, within 2 and 300 degrees."""
+    density = table_densities(table)[row]
+    step = np.pi / (len(density) - 1)
+    hats = 2 * (1 - np.cos(step)) / step**2 * np.cos(step * np.arange(len(density)))
+    resultant = float(density * knot_masses(len(density)) @ hats)
+    widest = np.radians(300.0)
+    gamma = np.sqrt(-2 * np.log(np.clip(resultant, np.exp(-0.5 * widest**2), 1.0)))
+    return float(np.clip(gamma, np.radians(2.0), widest))

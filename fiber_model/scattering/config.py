@@ -10,8 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from weft.files.input_file import InputFile
 
-from .azimuthal_table import KNOTS, ROWS
-from .parameters import GRAZING, FiberScatteringParameters
+from .parameters import GRAZING, KNOTS, ROWS, FiberScatteringParameters
 
 
 def _three_channels(value: Any) -> Any:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 from weft.files.errors import InputError
-
-from .azimuthal_table import Table, check_table
 
 LONGITUDINAL_KINDS = ("gaussian", "vmf", "symmetric")
 AZIMUTHAL_KINDS = ("wrapped_normal", "von_mises")
@@ -21,6 +20,10 @@ GRAZING = (
 )
 """What a width and T become for light along the fiber; each without its suffix is the value for light at a
 right angle. Between them they go linearly with 1 - cos(theta_o)."""
+Table = tuple[tuple[float, ...], ...]
+"""Rows of densities around the fiber, see azimuthal_table.py."""
+ROWS, KNOTS = (1, 4), (9, 129)
+"""Fewest and most rows of a table, and numbers of a row."""
 TABLES = ("azimuthal_table_r", "azimuthal_table_tt", "azimuthal_table_trt")
 
 
@@ -107,23 +110,44 @@ class FiberScatteringParameters:
 
     def _check_tables(self) -> None:
         given = {name: getattr(self, name) for name in TABLES if getattr(self, name) is not None}
+        check_tables(given)
         for name, table in given.items():
-            check_table(name, table)
             if self.longitudinal == "symmetric" and len(table) > 1:
                 raise InputError(
                     f"scattering: {name} has {len(table)} rows, which cannot go with the longitudinal kind "
                     "'symmetric': a lobe that depends on one of the two angles alone is not reciprocal",
                     hint="Give it one row, or take the kind 'gaussian' or 'vmf'.",
                 )
-        shapes = {name: (len(table), len(table[0])) for name, table in given.items()}
-        if len(set(shapes.values())) > 1:
-            said = ", ".join(f"{name} {rows} x {knots}" for name, (rows, knots) in shapes.items())
-            raise InputError(f"scattering: the tables of a fiber must have one shape, found {said}")
 
 
 def _check_kind(name: str, value: str, known: tuple[str, ...]) -> None:
     if value not in known:
         raise InputError(f"scattering: {name} kind '{value}' is unknown", hint=f"Known: {', '.join(known)}.")
+
+
+def check_tables(tables: Mapping[str, Table]) -> None:
+    """Raises `InputError` for what is no table of densities, or where the shapes differ."""
+    for name, table in tables.items():
+        _check_table(name, table)
+    shapes = {name: (len(table), len(table[0])) for name, table in tables.items()}
+    if len(set(shapes.values())) > 1:
+        said = ", ".join(f"{name} {rows} x {knots}" for name, (rows, knots) in shapes.items())
+        raise InputError(f"scattering: the tables of a fiber must have one shape, found {said}")
+
+
+def _check_table(name: str, table: Table) -> None:
+    lengths = {len(row) for row in table}
+    if not ROWS[0] <= len(table) <= ROWS[1]:
+        raise InputError(f"scattering: {name} has {len(table)} rows; it must have {ROWS[0]} to {ROWS[1]}")
+    if len(lengths) > 1 or not KNOTS[0] <= min(lengths) <= KNOTS[1]:
+        raise InputError(
+            f"scattering: {name} has rows of {', '.join(map(str, sorted(lengths)))} numbers; "
+            f"all must have the same number, {KNOTS[0]} to {KNOTS[1]}"
+        )
+    if not all(math.isfinite(sum(row)) and min(row) >= 0 and max(row) > 0 for row in table):
+        raise InputError(
+            f"scattering: {name} must hold finite densities of at least 0, and one above 0 in each row"
+        )
 
 
 def _check_angle(name: str, radians: float, least_deg: float, most_deg: float) -> None:

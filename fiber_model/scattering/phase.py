@@ -21,9 +21,9 @@ from .azimuthal import (
     wrapped_normal_eval,
     wrapped_normal_sample,
 )
-from .azimuthal_table import Table, table_eval, table_sample
+from .azimuthal_table import table_eval, table_sample
 from .longitudinal import gaussian_eval, gaussian_sample, vmf_eval, vmf_sample
-from .parameters import FiberScatteringParameters
+from .parameters import FiberScatteringParameters, Table
 from .symmetric import symmetric_eval, symmetric_sample
 
 Array = NDArray[np.float64]

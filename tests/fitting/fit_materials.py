@@ -4,36 +4,40 @@
 
 prints a table of every material and cross-section; --write makes configs/presets/scattering/<material>.toml
 of the usual cross-section and <material>_<cross_section>.toml of the others. Every lobe is fitted to its own
-light first (material_lobes.py), which gives its energy; `weft fit` then fits the sum of all orders, each
-width within a fifth of what it was alone. The total variation of f and g is ½ ∫ |f - g|, here over ∫ f.
+light first (material_lobes.py), which gives its energy and its table around the fiber; `weft fit` then fits
+the sum of all orders, each width along the fiber within a fifth of what it was alone. The total variation of
+f and g is ½ ∫ |f - g|, here over ∫ f.
 """
 
 from __future__ import annotations
 
 import argparse
+import textwrap
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from tests.fitting.material_lobes import (
-    CENTER,
     ORDERS,
-    around,
     bin_probabilities,
     energies_alone,
     shapes_at_normal_incidence,
+    tables_alone,
     widths_alone,
 )
 from weft.fiber_model.optics.light_transport import run as simulate
 from weft.fiber_model.optics.materials import MATERIALS, material_optics
-from weft.fiber_model.scattering.phase import azimuthal_widths, fiber_phase_albedo, fiber_phase_eval
+from weft.fiber_model.scattering.parameters import TABLES
+from weft.fiber_model.scattering.phase import azimuthal_densities, fiber_phase_albedo, fiber_phase_eval
 from weft.files.atomic import atomic_write
 from weft.fitting.config import FitConfig
 from weft.fitting.fit import run as fit
 from weft.fitting.measurements import Measurements
 from weft.pipeline.warp_start import start_warp
 
+PHI_BIN_DEG = 5.0
+INSIDE_BIN = (np.arange(5) + 0.5) / 5 - 0.5
 LIGHTS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 HELD_OUT_DEG = (30.0, 60.0)
 PRESETS = Path(__file__).resolve().parents[2] / "configs" / "presets" / "scattering"
@@ -113,26 +117,23 @@ def total_variations(result, parameters) -> Variations:
 def _of_lobes(result, parameters) -> np.ndarray:
     """Light in the wrong azimuth, [I], lobe by lobe."""
     misplaced = np.zeros(len(result.theta_i))
-    for k, (lobe, orders) in enumerate(ORDERS.items()):
+    inside = result.bins.phi[:, None] + np.radians(PHI_BIN_DEG) * INSIDE_BIN
+    for k, orders in enumerate(ORDERS.values()):
         own = bin_probabilities(result, orders).sum(1)
         for i, light in enumerate(result.theta_i):
-            gamma = azimuthal_widths(parameters, light)[k]
-            shape = around(result.bins.phi, gamma, CENTER[lobe])
-            misplaced[i] += 0.5 * np.abs(own[i] - own[i].sum() * shape).sum()
+            shape = azimuthal_densities(parameters, light, inside)[k].mean(axis=1)
+            misplaced[i] += 0.5 * np.abs(own[i] - own[i].sum() * shape / shape.sum()).sum()
     return misplaced
 
 
 def near(energies, alone) -> dict[str, dict]:
-    """Energies held, every width within a fifth of what it is alone."""
+    """Energies held, every width along the fiber within a fifth of what it is alone."""
     bounds: dict[str, dict] = {name: {"fixed": value} for name, value in energies.items()}
     for lobe, widths in alone.items():
-        beta, beta_along, gamma, gamma_along = np.degrees(widths)
+        beta, beta_along = np.degrees(widths)
         bounds[f"longitudinal_width_{lobe}_deg"] = _within_a_fifth(beta, 0.5, 60)
         # not below half of the largest beta: the model takes no more
         bounds[f"longitudinal_width_{lobe}_grazing_deg"] = _within_a_fifth(beta_along, 0.6 * beta, 45)
-        if lobe != "r":
-            bounds[f"azimuthal_width_{lobe}_deg"] = _within_a_fifth(gamma, 2, 300)
-            bounds[f"azimuthal_width_{lobe}_grazing_deg"] = _within_a_fifth(gamma_along, 2, 300)
     return bounds
 
 
@@ -141,14 +142,27 @@ def _within_a_fifth(width: float, least: float, most: float) -> dict[str, float]
     return {"lower": low, "upper": min(max(width * 1.2, 1.2 * low), most)}
 
 
+def preset_name(material: str, shape: str) -> str:
+    usual = next(iter(MATERIALS[material].cross_sections))
+    return material if shape == usual else f"{material}_{shape}"
+
+
+def simulated(name: str, shape: str, paths: int, lights_deg=LIGHTS_DEG, *, seed: int = 1):
+    optics = material_optics(
+        name, shape, paths=paths, theta_i_deg=lights_deg, seed=seed, phi_bin_deg=PHI_BIN_DEG
+    )
+    return optics, simulate(optics)
+
+
 def fit_material(name: str, shape: str, paths: int, *, constant: bool):
-    optics = material_optics(name, shape, paths=paths, theta_i_deg=LIGHTS_DEG, seed=1)
-    result = simulate(optics)
+    optics, result = simulated(name, shape, paths)
     seen = ~np.isin(np.round(np.degrees(result.theta_i)), HELD_OUT_DEG)
     settings = {"starts": 12}
     if not constant:
-        parameters = near(energies_alone(result, seen), widths_alone(result, seen))
+        tables = tables_alone(result, seen)
+        parameters = near(energies_alone(result, seen), widths_alone(result, seen, tables))
         settings = {"grazing": True, "parameters": parameters, "starts": 1}
+        settings |= {f"azimuthal_table_{lobe}": table for lobe, table in tables.items()}
     asked = FitConfig.model_validate(
         {"measurements": [__file__], "held_out_theta_i_deg": HELD_OUT_DEG, "errors": "scaled"} | settings
     )
@@ -158,14 +172,18 @@ def fit_material(name: str, shape: str, paths: int, *, constant: bool):
 def preset_text(name: str, shape: str, optics, fitted, variations: Variations) -> str:
     material, p = MATERIALS[name], fitted.parameters
     held = ", ".join(f"{100 * h.relative_rms:.0f} % at {h.theta_i_deg:g} deg" for h in fitted.held_out)
+    at_normal, lobes = variations.lobes[0], variations.lobes.mean()
+    around, sphere = variations.azimuth.mean(), variations.sphere.mean()
     comment = [
         f"{name}: a clean, undyed fiber, from physics: light transport through its cross-section ({shape}),",
         f"refractive index {material.refractive_index:g}, roughness {material.roughness:g}, absorption "
         f"{optics.absorption_per_mm} per mm; sources in fiber_model/optics/materials.py",
         "(Morton and Hearle, chapter 24). Three lobes that change with the angle, fitted to it by",
-        f"tests/fitting/fit_materials.py: total variation {variations.sphere.mean():.3f} over the sphere, "
-        f"{variations.azimuth.mean():.3f}",
-        f"around the fiber (means over 0 to 75 deg); relative rms at angles held out {held}.",
+        "tests/fitting/fit_materials.py: total variation around the fiber, lobe by lobe, "
+        f"{at_normal:.3f} at normal",
+        f"incidence and {lobes:.3f} on average over 0 to 75 deg; of all light together {around:.3f} around",
+        f"the fiber and {sphere:.3f} over the sphere; relative rms at angles held out {held}.",
+        "The widths around the fiber are those of the nearest simple lobes; the tables take their place.",
         "Dye the fibers with color_tt and color_trt.",
     ]
     values = {number.name: number.value for number in fitted.fitted}
@@ -174,7 +192,24 @@ def preset_text(name: str, shape: str, optics, fitted, variations: Variations) -
     lines += [f"{key} = {round(values[key], 6):.4g}" for key in keys]
     for key in ("fresnel_r", "color_r", "color_tt", "color_trt"):
         lines.append(f"{key} = [{', '.join(f'{value:.4g}' for value in getattr(p, key))}]")
+    for name_of_table in TABLES:
+        lines += table_lines(name_of_table, getattr(p, name_of_table) or ())
     return "\n".join(lines) + "\n"
+
+
+def table_lines(name: str, table) -> list[str]:
+    """At most 110 characters each."""
+    if not table:
+        return []
+    rows = []
+    for numbers in table:
+        text = ", ".join(f"{value:.4g}" for value in numbers)
+        rows += [
+            "    [",
+            *textwrap.wrap(text, 100, initial_indent=8 * " ", subsequent_indent=8 * " "),
+            "    ],",
+        ]
+    return [f"{name} = [", *rows, "]"]
 
 
 def row(name: str, shape: str, fitted, variations: Variations) -> str:
@@ -207,7 +242,7 @@ def print_shapes(paths: int) -> None:
     print("| fiber | R, TT, TRT | weighted by energy | TRT uniform | blurred by 15° |\n|---|---|---|---|---|")
     for name, material in MATERIALS.items():
         for shape in material.cross_sections:
-            result = simulate(material_optics(name, shape, paths=paths, theta_i_deg=(0.0,), seed=1))
+            _, result = simulated(name, shape, paths, (0.0,))
             *lobes, together, uniform = shapes_at_normal_incidence(result)
             blurred = shapes_at_normal_incidence(result, blur_deg=15.0)[3]
             each = ", ".join(f"{one:.3f}" for one in lobes)
@@ -228,15 +263,14 @@ def main() -> None:
         return
     print(HEADER, flush=True)
     for name, material in MATERIALS.items():
-        for index, shape in enumerate(material.cross_sections):
+        for shape in material.cross_sections:
             if chosen.only and chosen.only != name:
                 continue
             optics, result, fitted = fit_material(name, shape, chosen.paths, constant=chosen.constant)
             variations = total_variations(result, fitted.parameters)
             print(row(name, shape, fitted, variations), flush=True)
             if chosen.write:
-                stem = name if index == 0 else f"{name}_{shape}"
-                with atomic_write(PRESETS / f"{stem}.toml") as temporary:
+                with atomic_write(PRESETS / f"{preset_name(name, shape)}.toml") as temporary:
                     text = preset_text(name, shape, optics, fitted, variations)
                     temporary.write_text(text, encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""Each order of scattering by itself: widths of R, TT and TRT from the simulation's own histograms.
+"""Each order of scattering by itself: shapes of R, TT and TRT from the simulation's own histograms.
 
 A fit to the sum of all orders may call any lobe by any name. Here every lobe is fitted to its own light, so
 that the fit to the sum can start there and stay near; TRT stands for all that was reflected inside.
@@ -7,13 +7,15 @@ that the fit to the sum can start there and stay near; TRT stands for all that w
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, nnls
 
 from weft.fiber_model.scattering.azimuthal import wrapped_normal_eval
+from weft.fiber_model.scattering.azimuthal_table import knot_masses, row_shares, table_eval
 
 ORDERS = {"r": ("R",), "tt": ("TT",), "trt": ("TRT", "rest")}
 CENTER = {"r": None, "tt": np.pi, "trt": 0.0}
-LONGITUDINAL, AZIMUTHAL = np.radians([0.5, 45.0]), np.radians([4.0, 300.0])
+LONGITUDINAL = np.radians([0.5, 45.0])
+ROWS, KNOTS, SMOOTHING = 2, 33, 1e-3
 _INSIDE_BIN = (np.arange(5) + 0.5) / 5
 
 
@@ -45,31 +47,70 @@ def around(phi, gamma, center):
     return mass / mass.sum()
 
 
-def widths_alone(histogram, seen):
-    """beta and gamma [rad], each at normal incidence and along the fiber, {lobe: [4]}; of lights `seen`."""
-    return {lobe: _fit_one(histogram, orders, CENTER[lobe], seen) for lobe, orders in ORDERS.items()}
+def table_masses(table, phi, light):
+    """Probability of each bin of azimuth under a table, for light at this inclination."""
+    inside = phi[:, None] + (_INSIDE_BIN - 0.5) * (phi[1] - phi[0])
+    mass = table_eval(inside, table, np.cos(light)).mean(axis=1)
+    return mass / mass.sum()
 
 
-def _fit_one(histogram, orders, center, seen):
+def tables_alone(histogram, seen):
+    """N of each lobe around its center, {lobe: [ROWS][KNOTS]}. The model is linear in the knots: they follow
+    from non-negative least squares over the lights `seen`, by energy, with a slight price on curvature.
+    """
+    return {
+        lobe: _table_of_one(histogram, orders, CENTER[lobe] or 0.0, seen) for lobe, orders in ORDERS.items()
+    }
+
+
+def _table_of_one(histogram, orders, center, seen):
+    light = bin_probabilities(histogram, orders).sum(axis=1)[seen]
+    energy = light.sum(axis=1)
+    hats = _hats(histogram.bins.phi - center)
+    shares = row_shares(ROWS, np.cos(histogram.theta_i[seen]))
+    model = [np.sqrt(e) * np.kron(share, hats) for e, share in zip(energy, shares, strict=True)]
+    found = [one / np.sqrt(e) for e, one in zip(energy, light, strict=True)]
+    bend = SMOOTHING * np.sqrt(energy.sum()) * np.kron(np.eye(ROWS), np.diff(np.eye(KNOTS), 2, axis=0))
+    whole = 1e3 * np.kron(np.eye(ROWS), knot_masses(KNOTS))  # each row integrates to one
+    target = np.concatenate([*found, np.zeros(len(bend)), np.full(ROWS, 1e3)])
+    knots = nnls(np.concatenate([*model, bend, whole]), target, maxiter=20_000)[0].reshape(ROWS, KNOTS)
+    # four digits, as the presets have them
+    return tuple(tuple(float(f"{value:.4g}") for value in row) for row in knots)
+
+
+def _hats(phi):
+    """Mean of the hat function of each knot over each bin, times the bin's size; shape [bins, knots]."""
+    inside = phi[:, None] + (_INSIDE_BIN - 0.5) * (phi[1] - phi[0])
+    place = np.abs(inside - 2 * np.pi * np.round(inside / (2 * np.pi))) * ((KNOTS - 1) / np.pi)
+    hats = np.clip(1 - np.abs(place[..., None] - np.arange(KNOTS)), 0, None)
+    return hats.mean(axis=1) * (phi[1] - phi[0])
+
+
+def widths_alone(histogram, seen, tables):
+    """beta [rad] at normal incidence and along the fiber, {lobe: [2]}; of lights `seen`, N by the tables."""
+    return {
+        lobe: _widths_of_one(histogram, orders, tables[lobe], CENTER[lobe] or 0.0, seen)
+        for lobe, orders in ORDERS.items()
+    }
+
+
+def _widths_of_one(histogram, orders, table, center, seen):
     """Least squares of the roots of probabilities: near a minimum of the total variation, but smooth."""
     found = bin_probabilities(histogram, orders)
     lights, bins = histogram.theta_i, histogram.bins
 
     def residuals(logs):
-        beta, beta_along, gamma, gamma_along = np.exp(logs)
+        beta, beta_along = np.exp(logs)
         parts = []
         for i in np.flatnonzero(seen):
-            u, energy = 1 - np.cos(lights[i]), found[i].sum()
-            model = np.outer(
-                along(bins.theta_edges, lights[i], beta + (beta_along - beta) * u),
-                around(bins.phi, gamma + (gamma_along - gamma) * u, center),
-            )
-            parts.append((np.sqrt(energy * model) - np.sqrt(found[i])).ravel())
+            width = beta + (beta_along - beta) * (1 - np.cos(lights[i]))
+            turn = table_masses(table, bins.phi - center, lights[i])
+            model = np.outer(along(bins.theta_edges, lights[i], width), turn)
+            parts.append((np.sqrt(found[i].sum() * model) - np.sqrt(found[i])).ravel())
         return np.concatenate(parts)
 
-    low, high = np.log([LONGITUDINAL, LONGITUDINAL, AZIMUTHAL, AZIMUTHAL]).T
-    start = np.log(np.radians([8.0, 10.0, 40.0, 60.0]))
-    return np.exp(least_squares(residuals, start, bounds=(low, high)).x)
+    low, high = np.log([LONGITUDINAL, LONGITUDINAL]).T
+    return np.exp(least_squares(residuals, np.log(np.radians([8.0, 10.0])), bounds=(low, high)).x)
 
 
 def energies_alone(histogram, seen):

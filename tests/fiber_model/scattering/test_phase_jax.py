@@ -67,7 +67,13 @@ def test_normalization_equals_adaptive_quadrature():
     assert float(gaussian_normalization(theta, beta)) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["reference", "khungurn2015_silk", *CORNERS])
+COMPILED_ALREADY = ("table", "table of TRT", "table symmetric")
+"""Kinds whose derivatives "table rows", "table grazing" and "symmetric" go through."""
+
+
+@pytest.mark.parametrize(
+    "name", ["reference", "khungurn2015_silk", *(name for name in CORNERS if name not in COMPILED_ALREADY)]
+)
 def test_gradients_equal_finite_differences(name):
     import jax
 
