@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from tests.fitting.fit_cases import problem, random_truth, synthetic, vector_of
-from weft.fitting.projected import polish
+from weft.fitting.parameterization import expand
+from weft.fitting.projected import free_jacobian, polish
 from weft.fitting.solve import EDM_LIMIT, random_starts, solve
+
+import jax  # isort: skip  after weft, which switches it to 64 bits
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -20,6 +23,29 @@ def test_search_reaches_the_minimum_next_to_the_truth(seed):
     at_truth = float((residual(vector_of(truth), data) ** 2).sum())
     assert 2 * found.cost <= at_truth
     assert 2 * found.cost <= 2 * float(nearby.cost) + 0.01
+
+
+def test_starts_follow_the_seed():
+    _, parameterization, _ = problem(synthetic(random_truth(np.random.default_rng(0))))
+    one, again, other = (random_starts(parameterization, 24, seed) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one, again)
+    assert np.abs(one - other).min(axis=1).max() > 0.01
+
+
+def test_the_jacobian_of_the_polish_equals_finite_differences():
+    """Central differences of the residuals in every free parameter, gray and in color."""
+    for channels in (1, 3):
+        truth = random_truth(np.random.default_rng(2), gray=channels == 1)
+        residual, p, data = problem(synthetic(truth, seed=2, channels=channels))
+        x = vector_of(truth, channels)
+        slopes = np.asarray(free_jacobian(residual, p, data, x))
+        evaluate = jax.jit(lambda x, r=residual, p=p, d=data: r(expand(p, x), d))
+        for i in np.flatnonzero(p.free):
+            step = np.zeros(len(x))
+            step[i] = 1e-5 * x[i]
+            difference = (evaluate(x + step) - evaluate(x - step)) / (2 * step[i])
+            np.testing.assert_allclose(slopes[:, i], difference, atol=1e-6 * np.abs(slopes[:, i]).max())
+        assert not slopes[:, p.free == 0].any()
 
 
 def test_polish_stops_at_a_bound_where_the_gradient_points_outward():
