@@ -16,6 +16,7 @@ from weft.fitting.config import FitConfig
 from weft.renderer.config import Camera, RenderConfig
 from weft.voxelize.config import ForeignVolumeConfig, VoxelizeConfig
 
+from .frames import refuse_what_flickers
 from .job import Job, load_job
 from .presets import FAMILIES
 from .scattering_kinds import ScatteringTable
@@ -145,12 +146,19 @@ def load(
     *,
     only: Sequence[str] = (),
     pending_fit: Path | None = None,
+    frame: int | None = None,
 ) -> Job:
     """Raises `InputError` with one line for every mistake in the job. `only`: look at these tables alone.
 
     `pending_fit`: a file of fitted parameters that need not be there yet; a preset stands in for it.
+    `frame`: of a sequence (frames.py).
     """
-    return load_job(path, overrides, model=JobConfig, output=output, only=only, pending_fit=pending_fit)
+    job = load_job(
+        path, overrides, model=JobConfig, output=output, only=only, pending_fit=pending_fit, frame=frame
+    )
+    if frame is not None:
+        refuse_what_flickers(job.config.yarns)
+    return job
 
 
 def job_schema() -> dict[str, Any]:

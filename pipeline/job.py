@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from .frames import at_frame, frame_folder
 from .includes import read_with_includes
 from .merging import without
 from .messages import JobErrors, Problem
@@ -30,6 +31,8 @@ class Job:
     """The values before validation, with the place where each was written."""
     output: Path
     """Folder of the results."""
+    frame: int | None = None
+    """Which frame of a sequence this is, if it is of one."""
 
     @property
     def name(self) -> str:
@@ -53,8 +56,11 @@ def load_job(
     output: Path | None = None,
     only: Sequence[str] = (),
     pending_fit: Path | None = None,
+    frame: int | None = None,
 ) -> Job:
     """Raises `InputError` with one line for every mistake in the job. `only`: look at these tables alone.
+
+    `frame`: of a sequence, with results in a folder of its own below those of the job.
 
     `pending_fit`: a file of fitted parameters that need not be there yet; a preset stands in for it.
     """
@@ -62,6 +68,8 @@ def load_job(
     for name in [name for name in document.table if only and name not in only]:
         document = without(document, name)
     problems: list[Problem] = []
+    if frame is not None:
+        document = at_frame(document, frame)
     document = apply_presets(document, problems, pending_fit=pending_fit)
     try:
         config = model.model_validate(document.table)
@@ -69,8 +77,8 @@ def load_job(
         problems += _not_caused_by_presets(problems_of(error, model, document, path), problems)
     if problems:
         raise JobErrors(problems)
-    folder = output or _output_folder(path, config, document)
-    return Job(path, config, document, Path(os.path.abspath(folder)))
+    folder = Path(os.path.abspath(output or _output_folder(path, config, document)))
+    return Job(path, config, document, folder if frame is None else folder / frame_folder(frame), frame)
 
 
 def read_job(path: Path, overrides: Sequence[str] = ()) -> TomlDocument:

@@ -313,6 +313,7 @@ GRID_CODE = tuple(
     )
 )
 SCATTERING_CODE = (
+    "fiber_model/scattering/azimuthal_table.py",
     "fiber_model/scattering/config.py",
     "fiber_model/scattering/parameters.py",
     "renderer/media_config.py",

@@ -28,6 +28,7 @@ LOOK_SECONDS = 0.5
 IDLE_FACTOR = 15
 """So many times longer may a dispatch of a software driver take where nothing tells who sleeps."""
 PR_SET_PDEATHSIG = 1
+PROC = Path("/proc")
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -168,7 +169,7 @@ def _exit_code(child: int) -> int:
 def _cpu_seconds(child: int) -> float:
     """Of all threads of the child, where /proc tells; else of the clock on the wall."""
     try:
-        fields = Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()
+        fields = (PROC / f"{child}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / TICKS
     except OSError:
         return time.monotonic()
@@ -177,7 +178,7 @@ def _cpu_seconds(child: int) -> float:
 def _active_seconds(child: int) -> float | None:
     """That its threads have run, or waited for a processor; None where the system does not tell."""
     try:
-        texts = [path.read_text() for path in Path(f"/proc/{child}/task").glob("*/schedstat")]
+        texts = [path.read_text() for path in (PROC / f"{child}/task").glob("*/schedstat")]
     except OSError:
         return None
     times = [text.split() for text in texts]
@@ -187,7 +188,7 @@ def _active_seconds(child: int) -> float | None:
 def _waits_for_a_disk(child: int) -> bool:
     """Whether one of its threads does, as when memory is swapped."""
     try:
-        texts = [path.read_text() for path in Path(f"/proc/{child}/task").glob("*/stat")]
+        texts = [path.read_text() for path in (PROC / f"{child}/task").glob("*/stat")]
     except OSError:
         return False
     return any(text.rpartition(")")[2].split()[0] == "D" for text in texts)

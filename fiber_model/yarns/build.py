@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 from .config import FileYarnsConfig, GarmentConfig, KnitConfig, TileConfig, WeaveConfig, YarnsConfig
 from .fabrics.knit import knit_yarns
@@ -13,6 +14,8 @@ from .fabrics.weave import weave_yarns
 from .formats.pyp import read_pyp
 from .formats.read_file import read_yarns
 from .garments.garment import garment_yarns
+from .garments.surface_config import MeshConfig
+from .steady_frames import follow_rest
 from .yarns import YarnSet
 
 Progress = Callable[[float, str], None]
@@ -33,9 +36,23 @@ def run(config: YarnsConfig, *, progress: Progress | None = None) -> YarnSet:
             yarns = garment_yarns(config, run, progress=progress)
         case _:
             raise TypeError(f"not a yarn config: {config!r}")
+    if (at_rest := _at_rest(config)) is not None:
+        yarns = follow_rest(yarns, run(at_rest))
     if progress is not None:
         progress(1.0, f"{yarns.yarn_count:,} yarns of {yarns.point_count:,} points")
     return yarns
+
+
+def _at_rest(config: YarnsConfig) -> YarnsConfig | None:
+    """The config of the same yarns as they lie at rest, where it names a file that holds them."""
+    rest: dict[str, object] = {"rest": None, "frame": None}
+    match config:
+        case FileYarnsConfig(rest=Path() as file):
+            return config.model_copy(update=rest | {"file": file})
+        case GarmentConfig(surface=MeshConfig(rest=Path() as file) as surface):
+            at_rest = surface.model_copy(update=rest | {"file": file})
+            return config.model_copy(update={"surface": at_rest})
+    return None
 
 
 def _weave(config: WeaveConfig, progress: Progress | None) -> YarnSet:

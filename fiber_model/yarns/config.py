@@ -89,6 +89,8 @@ class FileYarnsConfig(_Config):
     """Path to the file; its suffix tells the format. Of a sequence: `frame_%04d.bcc`, with `frame`."""
     frame: Frame | None = None
     """The frame to read: number of the file where its name holds `%04d`, else time code of a .usd file."""
+    rest: InputFile | None = None
+    """The same yarns in a frame that all others share, so that fibers turn with their yarn."""
     scale_to_mm: Positive | None = None
     """Length of one unit of the file in mm. Only .npz (in mm) and most .usd files name their unit."""
     radius_mm: Positive | None = None
@@ -124,6 +126,8 @@ class FileYarnsConfig(_Config):
         for key in NOT_IN_FILE[suffix]:
             if getattr(self, key) is None:
                 raise ValueError(f"{suffix} files do not hold it, so '{key}' must be given")
+        if self.rest is not None and self.rest.suffix.lower() != suffix:
+            raise ValueError(f"'rest' must be a {suffix} file as well")
         if self.frame is not None and suffix not in USD_SUFFIXES:
             raise ValueError(f"'frame' needs a place in the name, as in 'frame_%04d{suffix}'")
         if suffix == ".npz" and self.scale_to_mm is not None:

@@ -35,6 +35,16 @@ class RunOptions:
     """Bars on a terminal and plain lines elsewhere, or one JSON object a line on standard output."""
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FrameOptions:
+    """Which frame of a sequence."""
+
+    frame: int | None = None
+    """Frame of a sequence: the number in names such as cloth.####.obj, or the time code of a .usd file."""
+
+
+NO_FRAME_OPTIONS = FrameOptions()
 NO_JOB_OPTIONS = JobOptions()
 NO_RUN_OPTIONS = RunOptions()
 

@@ -9,7 +9,14 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from .app import app
-from .options import NO_JOB_OPTIONS, NO_RUN_OPTIONS, JobOptions, RunOptions
+from .options import (
+    NO_FRAME_OPTIONS,
+    NO_JOB_OPTIONS,
+    NO_RUN_OPTIONS,
+    FrameOptions,
+    JobOptions,
+    RunOptions,
+)
 from .render_options import NO_PICTURE_OPTIONS, NO_SHARE_OPTIONS, PictureOptions, ShareOptions
 
 
@@ -20,6 +27,7 @@ def run(
     picture: PictureOptions = NO_PICTURE_OPTIONS,
     options: JobOptions = NO_JOB_OPTIONS,
     how: RunOptions = NO_RUN_OPTIONS,
+    frames: str | None = None,
 ) -> None:
     """Run the stages of a job that are stale, say why, and skip the rest.
 
@@ -27,9 +35,13 @@ def run(
     ----------
     job
         The TOML file of the job.
+    frames
+        Frames of a sequence, FIRST:LAST or FIRST:LAST:STEP, both ends made: 1:10. Results: OUTPUT/frame_0001.
     """
     from weft.pipeline.config import load
     from weft.pipeline.fit_stage import run_fit_first
+    from weft.pipeline.frames import frame_numbers, keep_picture
+    from weft.pipeline.pictures_of import jobs_of_pictures, picture_files
     from weft.pipeline.progress import reporter
     from weft.pipeline.run import run_chain
     from weft.pipeline.stages import CHAIN, targets
@@ -37,19 +49,26 @@ def run(
     report = reporter(how.progress)
     overrides = (*options.overrides, *picture.overrides())
     fitted = run_fit_first(job, overrides, options.output, report=report, force=how.force)
-    loaded = load(job, overrides, options.output)
-    names = [name for name in targets(loaded) if not (fitted and name == "fit")]
-    run_chain(loaded, CHAIN, names, report=report, force=how.force, resume=how.resume)
+    for frame in [None] if frames is None else frame_numbers(frames):
+        if frame is not None:
+            report.note(f"frame {frame}")
+        loaded = load(job, overrides, options.output, frame=frame)
+        names = [name for name in targets(loaded) if not (fitted and name == "fit")]
+        run_chain(loaded, CHAIN, names, report=report, force=how.force, resume=how.resume)
+        if frame is not None and "render" in names:
+            keep_picture(loaded, [files["image"] for files in map(picture_files, jobs_of_pictures(loaded))])
 
 
-def _run_stage(name: str, job: Path, options: JobOptions, how: RunOptions) -> None:
+def _run_stage(
+    name: str, job: Path, options: JobOptions, how: RunOptions, sequence: FrameOptions = NO_FRAME_OPTIONS
+) -> None:
     from weft.pipeline.config import load
     from weft.pipeline.progress import reporter
     from weft.pipeline.run import run_one
     from weft.pipeline.stages import CHAIN
 
     run_one(
-        load(job, options.overrides, options.output),
+        load(job, options.overrides, options.output, frame=sequence.frame),
         CHAIN,
         name,
         report=reporter(how.progress),
@@ -59,7 +78,13 @@ def _run_stage(name: str, job: Path, options: JobOptions, how: RunOptions) -> No
 
 
 @app.command
-def yarns(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+def yarns(
+    job: Path,
+    *,
+    options: JobOptions = NO_JOB_OPTIONS,
+    how: RunOptions = NO_RUN_OPTIONS,
+    sequence: FrameOptions = NO_FRAME_OPTIONS,
+) -> None:
     """Make the centerlines: read them, or weave or knit them. Writes yarns.npz.
 
     Parameters
@@ -67,11 +92,17 @@ def yarns(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = 
     job
         The TOML file of the job.
     """
-    _run_stage("yarns", job, options, how)
+    _run_stage("yarns", job, options, how, sequence)
 
 
 @app.command
-def fibers(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions = NO_RUN_OPTIONS) -> None:
+def fibers(
+    job: Path,
+    *,
+    options: JobOptions = NO_JOB_OPTIONS,
+    how: RunOptions = NO_RUN_OPTIONS,
+    sequence: FrameOptions = NO_FRAME_OPTIONS,
+) -> None:
     """Export the part of the fibers that [export] chooses, as curves. Writes fibers.npz or fibers.obj.
 
     Parameters
@@ -79,7 +110,7 @@ def fibers(job: Path, *, options: JobOptions = NO_JOB_OPTIONS, how: RunOptions =
     job
         The TOML file of the job.
     """
-    _run_stage("fibers", job, options, how)
+    _run_stage("fibers", job, options, how, sequence)
 
 
 @app.command
@@ -89,6 +120,7 @@ def voxelize(
     plan: Annotated[bool, Parameter(negative=())] = False,
     options: JobOptions = NO_JOB_OPTIONS,
     how: RunOptions = NO_RUN_OPTIONS,
+    sequence: FrameOptions = NO_FRAME_OPTIONS,
 ) -> None:
     """Make the sparse grid of fiber density and direction. Writes volume.vdb or volume.nvdb.
 
@@ -103,10 +135,10 @@ def voxelize(
         from weft.pipeline.config import load
         from weft.pipeline.stages import plan_volume
 
-        for line in plan_volume(load(job, options.overrides, options.output)):
+        for line in plan_volume(load(job, options.overrides, options.output, frame=sequence.frame)):
             print(line)
         return
-    _run_stage("voxelize", job, options, how)
+    _run_stage("voxelize", job, options, how, sequence)
 
 
 @app.command
@@ -135,6 +167,7 @@ def render(
     part: ShareOptions = NO_SHARE_OPTIONS,
     options: JobOptions = NO_JOB_OPTIONS,
     how: RunOptions = NO_RUN_OPTIONS,
+    sequence: FrameOptions = NO_FRAME_OPTIONS,
 ) -> None:
     """Render the volume that is there. Writes image.exr and image.png, or a share of them.
 
@@ -151,7 +184,7 @@ def render(
         from weft.pipeline.progress import reporter
 
         render_on_cluster(
-            load(job, asked.overrides, asked.output),
+            load(job, asked.overrides, asked.output, frame=sequence.frame),
             part.cluster,
             overrides=asked.overrides,
             blocks_per_task=part.blocks_per_task,
@@ -159,14 +192,14 @@ def render(
         )
         return
     if part.blocks is None and part.tiles is None:
-        _run_stage("render", job, asked, how)
+        _run_stage("render", job, asked, how, sequence)
         return
     from weft.pipeline.config import load
     from weft.pipeline.progress import reporter
     from weft.pipeline.shares import render_shares
 
     render_shares(
-        load(job, asked.overrides, asked.output),
+        load(job, asked.overrides, asked.output, frame=sequence.frame),
         blocks=part.blocks,
         tiles=part.tiles,
         tile_size=part.tile_size,

@@ -122,3 +122,16 @@ def test_work_that_a_busy_machine_holds_up_does_not_hang(monkeypatch):
     monkeypatch.setattr(watchdog, "_waits_for_a_disk", lambda child: False)
     clock[0] += 5.0
     assert dispatch.hangs(0)
+
+
+def test_waiting_for_a_processor_is_no_sleep(tmp_path, monkeypatch):
+    """A child of two threads that ran for 1 and 2 s and waited for 4 and 8 s, one of them now for a disk."""
+    for thread, times, state in ((7, "1000000000 4000000000 9", "D"), (8, "2000000000 8000000000 9", "S")):
+        folder = tmp_path / "7" / "task" / str(thread)
+        folder.mkdir(parents=True)
+        (folder / "schedstat").write_text(times)
+        (folder / "stat").write_text(f"{thread} (a (b) c) {state} 1 7")
+    monkeypatch.setattr(watchdog, "PROC", tmp_path)
+    assert watchdog._active_seconds(7) == 15.0
+    assert watchdog._waits_for_a_disk(7)
+    assert watchdog._active_seconds(9) is None

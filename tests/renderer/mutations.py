@@ -21,6 +21,8 @@ class Mutation:
     """Occurs once in the file."""
     wrong: str
     test: str
+    sign: str = "assert"
+    """What the output of the failing test holds."""
 
 
 def shader_fault(name: str, file: str, right: str, wrong: str, test: str) -> Mutation:

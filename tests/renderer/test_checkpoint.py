@@ -11,6 +11,7 @@ import pytest
 
 from weft.files.errors import DiskSpaceError, InputError, MergeError
 from weft.renderer import checkpoint as checkpoint_module
+from weft.renderer.blocks import TileSums
 from weft.renderer.checkpoint import SEAL_BYTES, read_checkpoint, write_checkpoint
 from weft.renderer.config import ConstantLight, LanczosFilter, RenderConfig
 from weft.renderer.exposure import Keeping
@@ -150,6 +151,17 @@ def test_checkpoints_on_the_way_resume_too(tmp_path, uninterrupted, monkeypatch)
     for content in written[::25]:
         (tmp_path / "b.exr").write_bytes(content)
         assert_same(render(tmp_path / "b.exr"), uninterrupted)
+
+
+def test_blocks_are_folded_in_ascending_order():
+    """Of 1, 2^60 and -2^60 the order decides the sum in float64."""
+    tile = TileSums((0, 0, 1, 1), layer_count=1, block_samples=4)
+    blocks = np.float32([1, 2.0**60, -(2.0**60)]).reshape(3, 1, 1, 1) * np.ones((1, 1, 1, 4), np.float32)
+    tile.add(range(12), blocks)
+    assert not tile.total()[0].any()
+    (unit,) = tile.units()
+    assert unit.folded
+    assert not unit.sums.any()
 
 
 def test_a_checkpoint_of_another_picture_is_refused_by_name(tmp_path):

@@ -16,10 +16,11 @@ import pytest
 from tests.conftest import CHECKOUT
 
 from .mutations import TRACKING_MUTATIONS, Mutation
+from .mutations_of_interruptions import INTERRUPTION_MUTATIONS
 from .mutations_of_media import MEDIA_MUTATIONS
 from .mutations_of_surfaces import SURFACE_MUTATIONS
 
-MUTATIONS = (*TRACKING_MUTATIONS, *SURFACE_MUTATIONS, *MEDIA_MUTATIONS)
+MUTATIONS = (*TRACKING_MUTATIONS, *SURFACE_MUTATIONS, *MEDIA_MUTATIONS, *INTERRUPTION_MUTATIONS)
 LEFT_OUT = (".git", ".venv", "build", "pictures", "*.png", "__pycache__", ".*_cache", "*.out")
 RUN_TESTS_OF_THE_COPY = """
 import sys
@@ -43,6 +44,7 @@ def test_the_fault_has_its_place(mutation: Mutation):
 
 def test_there_are_at_least_twenty():
     assert len(MUTATIONS) >= 20
+    assert len(INTERRUPTION_MUTATIONS) >= 20
 
 
 @pytest.fixture(scope="module")
@@ -84,4 +86,4 @@ def test_the_fault_is_noticed(copy: Path, mutation: Mutation):
     finally:
         file.write_text(right, encoding="utf-8")
     assert done.returncode == TESTS_FAILED, done.stdout[-3000:] + done.stderr[-2000:]
-    assert "AssertionError" in done.stdout or "assert" in done.stdout
+    assert mutation.sign in done.stdout, done.stdout[-3000:]

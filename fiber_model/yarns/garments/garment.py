@@ -71,6 +71,7 @@ def _mesh_from_file(config: MeshConfig) -> tuple[SurfaceMesh, bool]:
         scale_to_mm=config.scale_to_mm,
         up_axis={None: 1, "y": 1, "z": 2}[config.up_axis],
         uv_unit_mm=config.uv_unit_mm,
+        frame=config.frame,
     )
     if config.uv == "file" and mesh.uv is None:
         raise InputError(

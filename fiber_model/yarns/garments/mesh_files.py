@@ -29,13 +29,17 @@ def read_mesh(
     scale_to_mm: float | None = None,
     up_axis: int = 1,
     uv_unit_mm: float | None = None,
+    frame: int | None = None,
 ) -> SurfaceMesh:
-    """Read all meshes of a file as one; `scale_to_mm` is the length of a file unit [mm], `up_axis` 1 or 2."""
+    """Read all meshes of a file as one; `scale_to_mm` is the length of a file unit [mm], `up_axis` 1 or 2.
+
+    `frame`: time code of a USD file that moves.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     _refuse_large(path)
     if suffix.startswith(".usd"):
-        vertices, faces, uv = read_usd_mesh(path, scale_to_mm=scale_to_mm, up_axis=up_axis)
+        vertices, faces, uv = read_usd_mesh(path, scale_to_mm=scale_to_mm, up_axis=up_axis, frame=frame)
     else:
         if suffix in (".glb", ".gltf"):
             refuse_bad_gltf(path)

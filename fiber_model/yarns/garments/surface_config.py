@@ -82,6 +82,10 @@ class MeshConfig(_Config):
     kind: Literal["mesh"]
     file: InputFile
     """Path to the file; its suffix tells the format."""
+    frame: Annotated[int, Field(ge=-1_000_000, le=10_000_000)] | None = None
+    """Time code at which to read a .usd file that moves; by default what it says without one."""
+    rest: InputFile | None = None
+    """The same mesh in a frame that all others share, so that fibers turn with their yarn."""
     scale_to_mm: Length | None = None
     """Length of one unit of the file in mm. Needed for .obj, .ply and USD files that do not say."""
     up_axis: Literal["y", "z"] | None = None
@@ -102,6 +106,8 @@ class MeshConfig(_Config):
             raise ValueError(f"cannot read meshes from '{suffix}' files, only {known}")
         if suffix in (".obj", ".ply") and self.scale_to_mm is None:
             raise ValueError(f"{suffix} files do not hold their unit, so 'scale_to_mm' must be given")
+        if self.frame is not None and not suffix.startswith(".usd"):
+            raise ValueError(f"'frame' has no effect on {suffix} files, which do not move")
         if suffix in (".glb", ".gltf") and self.up_axis is not None:
             raise ValueError(f"{suffix} files know which axis is up; remove 'up_axis'")
         if self.uv in ("unwrap", "panels") and self.uv_unit_mm is not None:

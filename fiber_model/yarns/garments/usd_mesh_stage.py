@@ -1,12 +1,12 @@
 """Meshes of one USD file as plain arrays; a program of its own, run by `usd_mesh` as `usd_stage` for curves.
 
-Arguments: the USD file and the .npz file to write. A user's mistake is printed as one line, exit code 2.
+Arguments: the USD file, the .npz file to write, and the time code to read at, or "-" for none. A user's
+mistake is printed as one line, exit code 2.
 """
 
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,29 +19,30 @@ from .mesh_parts import joined_parts
 Part = tuple[np.ndarray, np.ndarray, np.ndarray | None]
 
 
-def main(file: str, result: str) -> int:
+def main(file: str, result: str, frame: str = "-") -> int:
     """Read meshes of `file` and write `result`; the exit code."""
-    return write_fields(lambda: read_meshes(file), file, result)
+    return write_fields(lambda: read_meshes(file, frame), file, result)
 
 
-def read_meshes(file: str) -> dict[str, Any]:
+def read_meshes(file: str, frame: str = "-") -> dict[str, Any]:
     """Of all meshes in the world: unit, up axis, vertices, triangles, and (u, v) of each corner."""
-    from pxr import UsdGeom
+    from pxr import Usd, UsdGeom
 
     stage = open_stage(file)
     prims = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
     if not prims:
         raise InputError("there is no mesh on this USD stage")
-    cache = UsdGeom.XformCache()
-    vertices, faces, uv = joined_parts([_part(prim, cache, UsdGeom, Path(file)) for prim in prims])
+    time = Usd.TimeCode.Default() if frame == "-" else Usd.TimeCode(int(frame))
+    cache = UsdGeom.XformCache(time)
+    vertices, faces, uv = joined_parts([_part(prim, cache, UsdGeom, time) for prim in prims])
     fields = {"vertices": vertices, "faces": faces, **unit_and_axis(stage)}
     return fields if uv is None else fields | {"uv": uv}
 
 
-def _part(prim: Any, cache: Any, UsdGeom: Any, path: Path) -> Part:
+def _part(prim: Any, cache: Any, UsdGeom: Any, time: Any) -> Part:
     """One mesh in world coordinates of the stage, in triangles."""
     mesh = UsdGeom.Mesh(prim)
-    points = np.array(mesh.GetPointsAttr().Get() or [], dtype=np.float64).reshape(-1, 3)
+    points = np.array(mesh.GetPointsAttr().Get(time) or [], dtype=np.float64).reshape(-1, 3)
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get() or [], dtype=np.int64)
     index = np.array(mesh.GetFaceVertexIndicesAttr().Get() or [], dtype=np.int64)
     if (counts < 0).any() or counts.sum() != len(index):
