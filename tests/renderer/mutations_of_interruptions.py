@@ -135,15 +135,16 @@ INTERRUPTION_MUTATIONS = (
     Mutation(
         "state of one path lost",
         "renderer/kernel.py",
-        "lanes = state.lanes.copy()",
-        "lanes = state.lanes.copy()\n        lanes[5, -1:, 3] = MODE_IDLE",
+        "self.states.write(np.ascontiguousarray(lanes))",
+        "lanes = lanes.copy()\n        lanes[5, -1:, 3] = 4\n        self.states.write(lanes)",
         RESUMED,
     ),
     Mutation(
         "random dimension not kept",
         "renderer/kernel.py",
-        "lanes = state.lanes.copy()",
-        "lanes = state.lanes.copy()\n        lanes[7, :, 3] += 4",
+        "self.states.write(np.ascontiguousarray(lanes))",
+        "lanes = lanes.copy()\n        lanes[7, :, 3] += np.uint32(lanes[8, 0, 0] < 0xFFFFFFFF)\n"
+        "        self.states.write(lanes)",
         RESUMED,
     ),
     Mutation(
@@ -156,8 +157,8 @@ INTERRUPTION_MUTATIONS = (
     Mutation(
         "next pixel not kept",
         "renderer/checkpoint.py",
-        'np.stack(sums), columns, header["taken"], header["image_width"]',
-        'np.stack(sums), columns, 0, header["image_width"]',
+        'np.stack(sums), np.zeros(0), header["taken"], header["image_width"]',
+        'np.stack(sums), np.zeros(0), 0, header["image_width"]',
         RESUMED,
     ),
     Mutation(
