@@ -1,5 +1,5 @@
 # Two commands do everything on a fresh Debian 12 or Ubuntu 24.04: make demo, make test.
-.PHONY: demo test proof benchmark pictures format setup clean
+.PHONY: demo test proof benchmark pictures garments format setup clean
 
 bin := .venv/bin
 
@@ -28,6 +28,13 @@ pictures: setup
 	                   tests/jobs/stockinette_tile tests/jobs/stockinette_closeup; do \
 	    $(bin)/weft run $$job.toml --set render.samples_per_pixel=96; \
 	    cp $$job.out/image.png pictures/$$(basename $$job).png; \
+	done
+
+# Scarf, fly-aways and close-ups, each with the samples its job asks for; about 15 minutes on two cores.
+garments: setup
+	set -e; for job in scarf scarf_closeup flyaways_without flyaways_with; do \
+	    $(bin)/weft run configs/examples/$$job.toml; \
+	    cp configs/examples/$$job.out/image.png pictures/$$job.png; \
 	done
 
 format: setup
