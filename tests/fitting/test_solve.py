@@ -52,7 +52,9 @@ def test_polish_stops_at_a_bound_where_the_gradient_points_outward():
     truth = random_truth(np.random.default_rng(1))
     residual, parameterization, data = problem(synthetic(truth, noise=0.0), noise={"kind": "uniform"})
     parameterization.upper[1] = 0.9 * truth.longitudinal_width_tt
-    found = polish(residual, parameterization, data, vector_of(truth))
+    start = vector_of(truth)
+    start[1] *= 0.7  # the way to the minimum leads through the bound
+    found = polish(residual, parameterization, data, start)
     assert float(found.x[1]) == parameterization.upper[1]
     assert float(found.edm) < EDM_LIMIT
     gradient = np.asarray(found.jacobian.T @ residual(found.x, data))
