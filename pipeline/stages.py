@@ -6,7 +6,7 @@ chosen part. Results are handed on as files, so that a picture shows what is on 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -24,6 +24,8 @@ from .stop_requests import StopRequests
 from .warp_start import start_warp
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from weft.fiber_model.fibers import FiberSet
     from weft.fiber_model.yarns.yarns import YarnSet
     from weft.renderer.brick_pool import LevelShare
@@ -97,7 +99,7 @@ def make_volume(work: StageWork) -> dict[str, Any]:
     volume = voxelize_to_files(
         sized_by_camera(work.job, fibers),
         fibers,
-        [path for name, path in work.outputs.items() if " level " not in name and name != "picture"],
+        volume_paths(work.outputs),
         progress=_part(work.progress, FIBERS_SHARE, 1.0),
     )
     report = volume.report
@@ -118,6 +120,11 @@ def make_volume(work: StageWork) -> dict[str, Any]:
         "levels": [_plain(level) for level in volume.levels],
         "fibers": _plain(fibers.report),
     }
+
+
+def volume_paths(outputs: Mapping[str, Path]) -> list[Path]:
+    """The files of the volume itself."""
+    return [path for name, path in outputs.items() if " level " not in name and name != "picture"]
 
 
 def plan_volume(job: Job) -> list[str]:

@@ -67,9 +67,12 @@ class PartFolder:
         self.folder, self._key = folder, key
 
     def open(self) -> dict[int, TilePart]:
-        """The finished tiles that are there, by number; files of other jobs are removed."""
+        """The finished tiles that are there, by number; files of other jobs are removed.
+
+        What others are writing, under temporary names with a dot, stays.
+        """
         parts = {}
-        for file in sorted(self.folder.glob("*")) if self.folder.is_dir() else ():
+        for file in sorted(self.folder.glob("[!.]*")) if self.folder.is_dir() else ():
             part = self._read(file)
             if part is None or file != self.path(part.number):
                 file.unlink(missing_ok=True)

@@ -81,21 +81,7 @@ def stream_source(
 ) -> VolumeOnDisk:
     """`voxelize_to_files` for any source."""
     began = time.perf_counter()
-    config = config.sized(source.fiber_radius_mm).colored(source.has_colors)
-    size, region = config.size_mm, checked_region(config, source)
-    bricks = brick_bound(config, source, region)
-    if any(path.suffix == ".nvdb" for path in paths):
-        refuse_what_does_not_fit(bricks, fixed_bytes=0, voxel_size_mm=size, memory_mb=config.memory_mb)
-    tile_voxels, workers = fit_tiles(
-        bricks,
-        voxel_size_mm=size,
-        tile_voxels=config.tile_voxels,
-        workers=worker_count or len(os.sched_getaffinity(0)),
-        memory_mb=config.memory_mb,
-        albedo=bool(config.albedo),
-    )
-    plan = plan_tiles(config, source, region, tile_voxels)
-    folder = PartFolder(parts_folder(paths[0]), _key(config, source, tile_voxels))
+    config, plan, folder, workers = _planned(config, source, paths, worker_count)
     parts = finish_tiles(source, plan, folder, workers, _share(progress, 0.0, TILES_SHARE))
     volume = join_tiles(source, plan, folder, parts)
     writing = _share(progress, TILES_SHARE, 1.0 if not config.levels else LEVELS_FROM)
@@ -113,6 +99,49 @@ def stream_source(
     return VolumeOnDisk(
         volume.content_sha256, volume.media, volume.brick_count, volume.bounds_mm, report, levels
     )
+
+
+def make_part(
+    config: VoxelizeConfig,
+    fibers: FiberSet,
+    paths: Sequence[Path],
+    part: tuple[int, int],
+    *,
+    progress: Progress | None = None,
+    worker_count: int | None = None,
+) -> int:
+    """Finish tile k, k + n, k + 2n, … of a volume for `part` = (k, n); the number of its tiles.
+
+    They lie in the folder where `voxelize_to_files` looks for finished tiles, so any number of processes,
+    on machines that share it and have memory for tiles of `config.tile_voxels`, may make one part each.
+    """
+    source = FiberSource(fibers)
+    _, plan, folder, workers = _planned(config, source, paths, worker_count)
+    chosen = range(part[0], len(plan.jobs), part[1])
+    finish_tiles(source, plan, folder, workers, progress, chosen)
+    return len(chosen)
+
+
+def _planned(
+    config: VoxelizeConfig, source: Source, paths: Sequence[Path], worker_count: int | None
+) -> tuple[VoxelizeConfig, TilePlan, PartFolder, int]:
+    """Config with its voxel size, the tiles, the folder of finished ones, how many to fill at once."""
+    config = config.sized(source.fiber_radius_mm)
+    size, region = config.size_mm, checked_region(config, source)
+    bricks = brick_bound(config, source, region)
+    if any(path.suffix == ".nvdb" for path in paths):
+        refuse_what_does_not_fit(bricks, fixed_bytes=0, voxel_size_mm=size, memory_mb=config.memory_mb)
+    tile_voxels, workers = fit_tiles(
+        bricks,
+        voxel_size_mm=size,
+        tile_voxels=config.tile_voxels,
+        workers=worker_count or len(os.sched_getaffinity(0)),
+        memory_mb=config.memory_mb,
+        albedo=bool(config.albedo),
+    )
+    plan = plan_tiles(config, source, region, tile_voxels)
+    folder = PartFolder(parts_folder(paths[0]), _key(config, source, tile_voxels))
+    return config, plan, folder, workers
 
 
 def _write_levels(

@@ -58,14 +58,26 @@ class ShareOptions:
     """Tiles of the picture, FIRST:END, counted row by row."""
     tile_size: int = 128
     """Width and height of a tile [pixels]."""
-    cluster: str | None = None
-    """Dask scheduler whose workers render the picture, as in tcp://host:8786. Extra: weft[cluster]."""
-    blocks_per_task: int = 1
-    """Blocks that a worker of the cluster renders at a time."""
     share: Path | None = None
     """The file to write. Default: in the folder shares of the results, named after blocks and tiles."""
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ClusterOptions:
+    """Who does the work. Extra: weft[cluster]."""
+
+    cluster: str | None = None
+    """Dask scheduler whose workers do the work, as in tcp://host:8786; or slurm, for Slurm jobs."""
+    jobs: int = 1
+    """With --cluster slurm, how many jobs; dask's configuration (jobqueue.slurm) says of what kind."""
+    blocks_per_task: int = 1
+    """Blocks that a worker of the cluster renders at a time."""
+    voxel_parts: int = 1
+    """Parts that workers of the cluster make of a volume's tiles."""
+
+
+NO_CLUSTER_OPTIONS = ClusterOptions()
 NO_SHARE_OPTIONS = ShareOptions()
 NO_PICTURE_OPTIONS = PictureOptions()
 

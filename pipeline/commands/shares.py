@@ -43,6 +43,7 @@ def submit(
     *,
     openjd: Path,
     blocks_per_task: int = 4,
+    frames: str | None = None,
     options: JobOptions = NO_JOB_OPTIONS,
 ) -> None:
     """Write a job as an Open Job Description template, which render farms and `openjd run` take.
@@ -55,10 +56,15 @@ def submit(
         The .json to write.
     blocks_per_task
         Blocks of render.block_samples samples that a task renders.
+    frames
+        Frames of a sequence, FIRST:LAST, both made.
     """
     from weft.pipeline.config import load
+    from weft.pipeline.frames import frame_numbers
     from weft.pipeline.openjd import write_template
 
     if options.overrides:
         raise InputError("submit: the workers read the job file, not --set.", hint="Write it into the job.")
-    print(write_template(load(job, (), options.output), openjd, blocks_per_task=blocks_per_task))
+    numbers = [] if frames is None else frame_numbers(frames)
+    first = load(job, (), options.output, frame=numbers[0] if numbers else None)
+    print(write_template(first, openjd, blocks_per_task=blocks_per_task, frames=numbers))

@@ -17,7 +17,14 @@ from .options import (
     JobOptions,
     RunOptions,
 )
-from .render_options import NO_PICTURE_OPTIONS, NO_SHARE_OPTIONS, PictureOptions, ShareOptions
+from .render_options import (
+    NO_CLUSTER_OPTIONS,
+    NO_PICTURE_OPTIONS,
+    NO_SHARE_OPTIONS,
+    ClusterOptions,
+    PictureOptions,
+    ShareOptions,
+)
 
 
 @app.command
@@ -28,6 +35,7 @@ def run(
     options: JobOptions = NO_JOB_OPTIONS,
     how: RunOptions = NO_RUN_OPTIONS,
     frames: str | None = None,
+    cluster: ClusterOptions = NO_CLUSTER_OPTIONS,
 ) -> None:
     """Run the stages of a job that are stale, say why, and skip the rest.
 
@@ -49,7 +57,21 @@ def run(
     report = reporter(how.progress)
     overrides = (*options.overrides, *picture.overrides())
     fitted = run_fit_first(job, overrides, options.output, report=report, force=how.force)
-    for frame in [None] if frames is None else frame_numbers(frames):
+    numbers: list[int | None] = [None] if frames is None else [*frame_numbers(frames)]
+    if cluster.cluster is not None:
+        from weft.pipeline.cluster import ClusterWork, run_on_cluster
+
+        work = ClusterWork(
+            job,
+            overrides,
+            options.output,
+            tuple(numbers),
+            cluster.blocks_per_task,
+            cluster.voxel_parts,
+        )
+        run_on_cluster(work, cluster.cluster, jobs=cluster.jobs, report=report)
+        return
+    for frame in numbers:
         if frame is not None:
             report.note(f"frame {frame}")
         loaded = load(job, overrides, options.output, frame=frame)
@@ -118,6 +140,7 @@ def voxelize(
     job: Path,
     *,
     plan: Annotated[bool, Parameter(negative=())] = False,
+    part: str | None = None,
     options: JobOptions = NO_JOB_OPTIONS,
     how: RunOptions = NO_RUN_OPTIONS,
     sequence: FrameOptions = NO_FRAME_OPTIONS,
@@ -130,7 +153,16 @@ def voxelize(
         The TOML file of the job.
     plan
         Only say how many bricks and bytes it will make and how long that will take.
+    part
+        Finish only every n-th tile from the k-th, as in 3/8; several machines may do so at once, and the run
+        that finishes the volume takes what they made.
     """
+    if part is not None:
+        from weft.pipeline.config import load
+        from weft.pipeline.volume_parts import make_volume_part
+
+        print(make_volume_part(load(job, options.overrides, options.output, frame=sequence.frame), part))
+        return
     if plan:
         from weft.pipeline.config import load
         from weft.pipeline.stages import plan_volume
@@ -165,6 +197,7 @@ def render(
     *,
     picture: PictureOptions = NO_PICTURE_OPTIONS,
     part: ShareOptions = NO_SHARE_OPTIONS,
+    cluster: ClusterOptions = NO_CLUSTER_OPTIONS,
     options: JobOptions = NO_JOB_OPTIONS,
     how: RunOptions = NO_RUN_OPTIONS,
     sequence: FrameOptions = NO_FRAME_OPTIONS,
@@ -178,18 +211,14 @@ def render(
     """
     overrides = (*options.overrides, *picture.overrides())
     asked = replace(options, overrides=overrides)
-    if part.cluster is not None:
-        from weft.pipeline.cluster import render_on_cluster
-        from weft.pipeline.config import load
+    if cluster.cluster is not None:
+        from weft.pipeline.cluster import ClusterWork, render_on_cluster
         from weft.pipeline.progress import reporter
 
-        render_on_cluster(
-            load(job, asked.overrides, asked.output, frame=sequence.frame),
-            part.cluster,
-            overrides=asked.overrides,
-            blocks_per_task=part.blocks_per_task,
-            report=reporter(how.progress),
+        work = ClusterWork(
+            job, overrides, options.output, (sequence.frame,), cluster.blocks_per_task, cluster.voxel_parts
         )
+        render_on_cluster(work, cluster.cluster, jobs=cluster.jobs, report=reporter(how.progress))
         return
     if part.blocks is None and part.tiles is None:
         _run_stage("render", job, asked, how, sequence)

@@ -15,6 +15,7 @@ from weft.pipeline.openjd import job_template
 from weft.renderer.image import read_exr
 
 from .test_cli import KNIT, job
+from .test_frames import sequence  # noqa: F401
 
 OPENJD = Path(sys.executable).with_name("openjd")
 needs_openjd = pytest.mark.skipif(not OPENJD.is_file(), reason="openjd-cli is not installed")
@@ -63,3 +64,30 @@ def test_openjd_runs_the_template_to_the_bits_of_one_run(tmp_path):
     one, _ = read_exr(tmp_path / "one" / "image.exr")
     for name, data in one.items():
         np.testing.assert_array_equal(data, farm[name], err_msg=name)
+
+
+def test_frames_are_tasks_of_every_step(sequence, tmp_path):  # noqa: F811
+    template = job_template(load(sequence, frame=1), 1, tmp_path, [1, 2, 3])
+    for step in template["steps"]:
+        frames, *blocks = step["parameterSpace"]["taskParameterDefinitions"]
+        assert frames["range"] == ["0001", "0002", "0003"]
+        assert [one["name"] for one in blocks] == (["Blocks"] if step["name"] == "render" else [])
+
+
+@needs_openjd
+@pytest.mark.proof
+@pytest.mark.gl
+def test_openjd_runs_a_sequence_to_the_bits_of_one_run(sequence, tmp_path):  # noqa: F811
+    template, alone = tmp_path / "farm.json", tmp_path / "alone"
+    assert exit_code(["submit", str(sequence), "--openjd", str(template), "--frames", "1:3"]) == 0
+    checked = openjd("check", template)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    weft = Path(sys.executable).with_name("weft")
+    done = openjd("run", template, "-p", f"Weft={weft}")
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-2000:]
+    assert exit_code(["run", str(sequence), "--frames", "1:3", "--output", str(alone)]) == 0
+    for frame in ("frame_0001", "frame_0002", "frame_0003"):
+        farm, _ = read_exr(tmp_path / "job.out" / frame / "image.exr")
+        one, _ = read_exr(alone / frame / "image.exr")
+        for name, data in one.items():
+            np.testing.assert_array_equal(data, farm[name], err_msg=name)
