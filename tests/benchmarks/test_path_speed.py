@@ -1,7 +1,7 @@
 """What a path costs: fibers against isotropic scattering, cloth as its extent grows, and a million samples.
 
-`python -m pytest tests/benchmarks/test_path_speed.py -s -m benchmark` prints CPU seconds as ratios of one run and
-asserts nothing about them. On a GPU CPU seconds mean nothing.
+`python -m pytest tests/benchmarks/test_path_speed.py -s -m benchmark` prints CPU seconds as ratios of one run
+and asserts nothing about them. On a GPU CPU seconds mean nothing.
 """
 
 from __future__ import annotations
