@@ -32,7 +32,7 @@ from .passes import (
 from .residency import NO_BRICK
 from .sample_fold import Records, SampleFold
 from .scene import Scene
-from .waiting import MODE_BITS, SLOT_SHIFT, Paths, join_paths, no_paths
+from .waiting import ANY_CELL, MODE_BITS, SLOT_SHIFT, Paths, WaitingPaths, join_paths
 
 CHUNK_BYTES = 1 << 26
 """Of the film on the device, at most."""
@@ -103,7 +103,7 @@ class OutOfCoreKernel(Kernel):
             fold.loose = [Records(aside.loose[:, 0], aside.loose[:, 1], aside.loose_film)]
         self._open(state.work, fold)
         rows = np.ascontiguousarray(state.lanes.transpose(1, 0, 2))
-        self.paths = self._set_aside(rows, aside.film)
+        self._put_aside(self._as_paths(rows, aside.film))
         self.strip, self.first_sample, self.last_sample = aside.strip, aside.first_sample, aside.last_sample
         if 0 <= self.strip < len(self.strips):
             self._load(self.strips[self.strip].cells)
@@ -119,7 +119,7 @@ class OutOfCoreKernel(Kernel):
     def state(self) -> PassState:
         """All that continues the pass bit by bit, with any number of lanes."""
         fold = self.fold.copy()
-        paths = join_paths(self.paths, self._harvest(fold))
+        paths = join_paths(self.paths.all(), self._harvest(fold))
         fold.flush()
         places = [np.stack([part.places, part.samples], axis=-1) for part in fold.loose]
         films = [part.values for part in fold.loose]
@@ -154,26 +154,26 @@ class OutOfCoreKernel(Kernel):
             if waiting > PARKED_SHARE * self.lane_count:
                 self._make_room()
         elif running == 0 or (self.pager.exact and running <= RUNNING_SHARE * self.chunk.lanes):
-            self.paths = join_paths(self.paths, self._harvest(self.fold))
+            self._put_aside(self._harvest(self.fold))
             self._next_chunk()
         return int(values[3])
 
     def _open(self, work: Pass, fold: SampleFold) -> None:
         self.work, self.fold = work, fold
         self.strips, self.sweeps = self.pager.plan(*window_ranges(work.window))
-        self.paths = self._no_paths()
+        self.paths = WaitingPaths(self.state_words, self.scene.film_layers)
         self.strip, self.first_sample, self.begun, self.busy = -1, work.samples.stop, 0, True
-        self.last_sample = NO_SAMPLE
+        self.last_sample, self.resident = NO_SAMPLE, self.pager.resident()
 
     def _next_chunk(self) -> None:
         """Load bricks until there is something to do, and begin it."""
         while True:
-            ready = np.flatnonzero(self.pager.can_go_on(self.paths.cells))
-            if len(ready) > self.lane_count or (len(ready) and self.strip == len(self.strips)):
-                self._start_chunk(Pass((0, 0, 0, 0), range(0)), ready)
+            ready = self.paths.ready_count
+            if ready > self.lane_count or (ready and self.strip == len(self.strips)):
+                self._start_chunk(Pass((0, 0, 0, 0), range(0)))
                 return
             if self.first_sample < self.work.samples.stop:
-                self._start_chunk(self._strip_samples(), ready)
+                self._start_chunk(self._strip_samples())
                 return
             if not self._move_on():
                 self.busy = False
@@ -188,11 +188,13 @@ class OutOfCoreKernel(Kernel):
             self.first_sample = self.work.samples.start
             return True
         if len(self.paths):
-            self._load(self.sweeps.next_cells(np.unique(self.paths.cells)))
+            self._load(self.sweeps.next_cells(self.paths.wanted()))
         return bool(len(self.paths))
 
     def _load(self, cells: np.ndarray) -> None:
         self.pager.load(cells)
+        self.resident = self.pager.resident()
+        self.paths.look_again(self.resident)
         self.counts.brick_uploads, self.counts.bricks_used = self.pager.uploads, self.pager.bricks_used
 
     def _strip_samples(self) -> Pass:
@@ -207,10 +209,8 @@ class OutOfCoreKernel(Kernel):
         self.first_sample, self.last_sample = stop, NO_SAMPLE
         return Pass(window, range(start, stop))
 
-    def _start_chunk(self, work: Pass, ready: np.ndarray) -> None:
-        chosen = np.zeros(len(self.paths), bool)
-        chosen[ready[: self.lane_count]] = True
-        guests, self.paths = self.paths.part(chosen), self.paths.part(~chosen)
+    def _start_chunk(self, work: Pass) -> None:
+        guests = self.paths.take(self.lane_count)
         own = work.pixel_count * len(work.samples)
         begun = self.begun if own else 0
         self.begun -= begun
@@ -267,7 +267,7 @@ class OutOfCoreKernel(Kernel):
         finished[: self.chunk.first], finished[self._taken() : own], finished[slots] = False, False, False
         places, samples = self._keys()
         fold.add(Records(places[finished], samples[finished], film[finished].reshape(-1, self._record_width)))
-        return self._set_aside(rows, film[slots].reshape(-1, self._record_width))
+        return self._as_paths(rows, film[slots].reshape(-1, self._record_width))
 
     def _keys(self) -> tuple[np.ndarray, np.ndarray]:
         """Pixel within the pass and sample of each place of the chunk's film."""
@@ -281,15 +281,15 @@ class OutOfCoreKernel(Kernel):
         left, top, width, _ = self.work.window
         return (row - top) * width + column - left, np.concatenate([samples, guests.samples])
 
-    def _set_aside(self, rows: np.ndarray, film: np.ndarray) -> Paths:
+    def _put_aside(self, paths: Paths) -> None:
+        self.paths.add(paths, (paths.cells == ANY_CELL) | self.resident[paths.cells])
+
+    def _as_paths(self, rows: np.ndarray, film: np.ndarray) -> Paths:
         """Paths from their rows: those that wait, and those that were running."""
         parked = rows[:, 5, 3] & MODE_PARKED != 0
         return Paths(
             rows, film, self.pager.cells_wanted(np.where(parked, rows[:, 8, 3], np.uint32(NO_BRICK)))
         )
-
-    def _no_paths(self) -> Paths:
-        return no_paths(self.state_words, self.scene.film_layers)
 
     def _lanes(self) -> np.ndarray:
         return buffers.read(self.states, np.uint32).reshape(self.state_words, self.lane_count, 4).copy()

@@ -178,14 +178,12 @@ class BrickPager:
         """The cell of each brick that a path waits for; `ANY_CELL` for those that wait for none."""
         cells = np.full(len(bricks), ANY_CELL, np.int64)
         waits = bricks != NO_BRICK
-        cells[waits] = self._residency.cells_of(bricks[waits].astype(np.int64))
+        cells[waits] = self._residency.cell_of_brick[bricks[waits]]
         return cells
 
-    def can_go_on(self, cells: np.ndarray) -> np.ndarray:
-        """Whether paths that want these cells find them."""
-        can = cells == ANY_CELL
-        can[~can] = self._residency.is_resident(cells[~can])
-        return can
+    def resident(self) -> np.ndarray:
+        """Whether all bricks of each cell are there, bool, shape [cell_count]."""
+        return self._residency.resident()
 
     def _load(self, bricks: np.ndarray, slots: np.ndarray) -> None:
         if not len(bricks):

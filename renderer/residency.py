@@ -31,6 +31,9 @@ class Residency:
     asked_at: np.ndarray = field(init=False)
     """Per slot, the number of the request that last wanted its brick; the least leaves first."""
     was_loaded: np.ndarray = field(init=False)
+    cell_of_brick: np.ndarray = field(init=False)
+    lacks: np.ndarray = field(init=False)
+    """Per cell, how many of its bricks are not there, int64."""
     request: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
@@ -44,6 +47,8 @@ class Residency:
         self.brick_of_slot = np.full(self.capacity, -1, np.int64)
         self.asked_at = np.zeros(self.capacity, np.int64)
         self.was_loaded = np.zeros(brick_count, bool)
+        self.cell_of_brick = np.repeat(np.arange(len(self.layers)), self.layers)
+        self.lacks = self.layers.copy()
 
     def admit(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Bricks to load and their slots, ascending: the first of `cells`, as many as fit, are there then."""
@@ -54,7 +59,10 @@ class Residency:
         missing = np.sort(bricks[~there])
         slots = np.sort(np.argsort(self.asked_at, kind="stable")[: len(missing)])
         gone = self.brick_of_slot[slots]
-        self.slot_of_brick[gone[gone >= 0]] = NOT_RESIDENT
+        gone = gone[gone >= 0]
+        self.slot_of_brick[gone] = NOT_RESIDENT
+        np.add.at(self.lacks, self.cell_of_brick[gone], 1)
+        np.subtract.at(self.lacks, self.cell_of_brick[missing], 1)
         self.brick_of_slot[slots], self.asked_at[slots] = missing, self.request
         self.slot_of_brick[missing] = slots
         self.was_loaded[missing] = True
@@ -65,17 +73,9 @@ class Residency:
         """The first of some cells, as many as fit at once."""
         return cells[np.cumsum(self.layers[cells]) <= self.capacity]
 
-    def is_resident(self, cells: np.ndarray) -> np.ndarray:
-        """Whether all bricks of each of some cells are there."""
-        there = np.ones(len(cells), bool)
-        for layer in range(int(self.layers[cells].max(initial=0))):
-            bricks = self.first[cells] + np.minimum(layer, self.layers[cells] - 1)
-            there &= self.slot_of_brick[bricks] != NOT_RESIDENT
-        return there
-
-    def cells_of(self, bricks: np.ndarray) -> np.ndarray:
-        """The cell of each brick."""
-        return np.searchsorted(self.first, bricks, side="right") - 1
+    def resident(self) -> np.ndarray:
+        """Whether all bricks of each cell are there, bool, shape [cell_count]."""
+        return self.lacks == 0
 
     def bricks_of(self, cells: np.ndarray) -> np.ndarray:
         """All bricks of some cells, cell by cell."""
