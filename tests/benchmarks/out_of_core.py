@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from weft.fiber_model.scattering_parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.pipeline.scattering_file import read_scattering
 from weft.renderer.brick_file import open_brick_file
 from weft.renderer.config import DirectionalLight, PerspectiveCamera, RenderConfig, StudioLight
