@@ -57,7 +57,7 @@ def report(exact: np.ndarray, biased: np.ndarray, picture: Path | None) -> None:
     beyond = (np.abs(shift) > 5 * noise)[lit].mean() * 100
     print(f"tiles beyond 5 standard errors: {beyond:.0f} %; by chance {chance(len(tiles)) * 100:.1f} %")
     percentiles = ", ".join(
-        f"{v * 100:+.1f}" for v in np.percentile((shift / light)[lit], [1, 10, 50, 90, 99])
+        f"{v * 100:+.1f}" for v in np.percentile(shift[lit] / light[lit], [1, 10, 50, 90, 99])
     )
     print(f"relative bias of tiles, percentiles 1, 10, 50, 90, 99: {percentiles} %")
     if picture is not None:
