@@ -1,8 +1,8 @@
 """Harder questions to random numbers, as of Marsaglia's Diehard and Knuth: 4 million of them along an index.
 
-Error probability 1e-6 for each p-value, of which there are 7 per generator and index. Asked are the 24 bits that
-numbers are made of: along the dimension the lowest 8 bits of pcg4d depend on each other (those of a product
-modulo 2^32 know nothing of higher ones), which a test states.
+Error probability 1e-6 for each p-value, of which there are 7 per generator and index. Asked are the 24 bits
+of which numbers are made: along the dimension the lowest 8 bits of pcg4d depend on each other (those of a
+product modulo 2^32 know nothing of higher ones), which a test states.
 """
 
 from __future__ import annotations
