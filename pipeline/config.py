@@ -81,6 +81,8 @@ class RenderTable(RenderConfig):
     def _foreign_needs_a_volume(self) -> RenderTable:
         if self.foreign is not None and (self.volume is None or self.volume.suffix.lower() != ".vdb"):
             raise ValueError("foreign has no effect unless 'volume' names a .vdb file")
+        if self.foreign is not None and self.detail_pixels is not None:
+            raise ValueError("detail_pixels needs coarser levels, which only weft writes; drop foreign")
         return self
 
 
@@ -137,6 +139,14 @@ class JobConfig(_Table):
     """The picture."""
     output: OutputTable = OutputTable()
     """Where the results go."""
+
+    @model_validator(mode="after")
+    def _detail_has_levels(self) -> JobConfig:
+        if self.render is None or self.render.detail_pixels is None or self.render.volume is not None:
+            return self
+        if self.voxelize is not None and self.voxelize.levels == 0:
+            raise ValueError("render.detail_pixels chooses among coarser levels: set voxelize.levels = 3")
+        return self
 
 
 def load(

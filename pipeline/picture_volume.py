@@ -24,11 +24,6 @@ BYTES_PER_FILE_BYTE = 4
 def picture_volume(job: Job, path: Path) -> AnyVolume:
     """On the disk where the device holds a part of it; what is to be cut or converted, in memory."""
     table = job.table("render")
-    if table.detail_pixels is not None and table.foreign is not None:
-        raise InputError(
-            "render.detail_pixels needs the coarser levels that only weft writes.",
-            hint="Leave out detail_pixels, or render.foreign.",
-        )
     own = path.suffix == ".vdb" and table.foreign is None and table.stencil is None
     in_part = table.brick_pool_mb is not None or table.detail_pixels is not None or _larger_than_memory(path)
     levels = tuple(stamp_of(file).sha256 for file in _levels_of(job, path))

@@ -161,12 +161,15 @@ def squares(values: np.ndarray, size: int) -> np.ndarray:
 
 
 def draw(path: Path, rows: list[Pair]) -> None:
-    """Full detail, then above each choice and below its difference from full detail (gray is none)."""
+    """Full detail, then above each choice and below how it differs over 4 x 4 pixels (gray: not at all)."""
     full = rows[0].mean
     scale = max(1, 256 // full.shape[1])
     shown = [larger(pair.mean, scale) for pair in rows]
     mean = full.mean()
-    differences = [larger(0.18 + 0.18 * (pair.mean - full) / mean, scale) for pair in rows]
+    differences = [
+        larger(0.18 + 0.18 * squares(pair.mean - full, 4) / mean, 4 * scale)[: shown[0].shape[0]]
+        for pair in rows
+    ]
     picture = np.concatenate([np.concatenate(shown, axis=1), np.concatenate(differences, axis=1)])
     write_preview(path, np.clip(picture, 0, None).astype(np.float32), exposure=0.0)
 

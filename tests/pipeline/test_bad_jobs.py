@@ -58,6 +58,7 @@ def complaints(tmp_path, capsys, text, *options, command="check"):
         (".".join("a" * 100) + "=1", "no key of a job has more than 64 parts"),
         ("yarns.file='/" + "a" * 5000 + "'", "unknown key"),
         ("render.volume='/" + "a" * 5000 + "'", "render.volume: file name too long: /aaaa"),
+        ("render.detail_pixels=0", "must be greater than 0"),
         ("render.volume='~nobody-of-this-name/x.vdb'", "there is no such home folder: ~nobody"),
     ],
 )
@@ -65,6 +66,11 @@ def test_wrong_value_is_one_line_that_names_the_option(tmp_path, capsys, option,
     (line,) = complaints(tmp_path, capsys, JOB, "--set", option)
     assert line.startswith(f"--set {option}: ")
     assert expected in line
+
+
+def test_detail_without_levels_is_told_before_the_work(tmp_path, capsys):
+    (line,) = complaints(tmp_path, capsys, JOB, "--set", "render.detail_pixels=1")
+    assert line == "job.toml: render.detail_pixels chooses among coarser levels: set voxelize.levels = 3"
 
 
 @pytest.mark.parametrize(
