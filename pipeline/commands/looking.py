@@ -8,11 +8,22 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from .app import app
-from .options import NO_JOB_OPTIONS, NO_LOOK_OPTIONS, NO_UNIT_OPTIONS, JobOptions, LookOptions, UnitOptions
+from .options import (
+    NO_FRAME_OPTIONS,
+    NO_JOB_OPTIONS,
+    NO_LOOK_OPTIONS,
+    NO_UNIT_OPTIONS,
+    FrameOptions,
+    JobOptions,
+    LookOptions,
+    UnitOptions,
+)
 
 
 @app.command
-def check(job: Path, *, options: JobOptions = NO_JOB_OPTIONS) -> None:
+def check(
+    job: Path, *, options: JobOptions = NO_JOB_OPTIONS, sequence: FrameOptions = NO_FRAME_OPTIONS
+) -> None:
     """Say what is wrong with a job, or what it would do, without running it.
 
     Parameters
@@ -25,7 +36,7 @@ def check(job: Path, *, options: JobOptions = NO_JOB_OPTIONS) -> None:
     from weft.pipeline.fit_stage import fit_to_come
 
     pending = fit_to_come(job, options.overrides, options.output)
-    loaded = load(job, options.overrides, options.output, pending_fit=pending)
+    loaded = load(job, options.overrides, options.output, pending_fit=pending, frame=sequence.frame)
     for line in check_job(loaded, fit_first=pending is not None):
         print(line)
 

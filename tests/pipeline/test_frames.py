@@ -101,6 +101,8 @@ def test_a_frame_that_is_not_there_is_one_line_about_its_file(sequence, capsys):
     assert exit_code(["run", str(sequence), "--frames", "9"]) == 2
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line != "frame 9"]
     assert "cloth.0009.bcc; did you mean 'cloth.000" in line
+    assert exit_code(["check", str(sequence), "--frame", "9"]) == 2
+    assert exit_code(["check", str(sequence), "--frame", "3"]) == 0
 
 
 def test_numbers_stand_in_names_of_both_kinds(tmp_path):
@@ -187,6 +189,12 @@ def test_a_garment_keeps_its_stitches_while_its_mesh_moves(tmp_path, capsys):
         np.testing.assert_array_equal(frame.offsets, frames[0].offsets)
         np.testing.assert_allclose(frame.surface_uv, frames[0].surface_uv, atol=1e-9)
     assert np.abs(frames[2].points - frames[0].points).max() == pytest.approx(2.0, abs=0.6)
+    rest = GARMENT.replace("uv_unit_mm", 'rest = "cloth.01.obj"\nuv_unit_mm')
+    path.write_text(rest)
+    assert exit_code(["run", str(path), "--frames", "1:3:2"]) == 0
+    twists = [load_yarns(tmp_path / "job.out" / f"frame_000{frame}" / "yarns.npz").twist for frame in (1, 3)]
+    np.testing.assert_allclose(twists[0], 0, atol=1e-9)
+    assert np.abs(twists[1]).max() > 1e-3
     path.write_text(GARMENT.replace("uv_unit_mm = 20.0\n", ""))
     capsys.readouterr()
     assert exit_code(["run", str(path), "--frames", "1:3"]) == 2
