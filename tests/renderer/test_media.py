@@ -99,7 +99,7 @@ def test_each_color_scatters_once_in_a_slab_as_its_closed_form(side):
 
 @pytest.mark.parametrize("fibers", [False, True])
 def test_white_furnace_in_colored_fog(fibers):
-    """Albedo 1 everywhere, in whatever colors light is dimmed: each channel is 1, also among fibers, seen from within."""
+    """Albedo 1 everywhere, in whatever colors light is dimmed: each channel is 1, also from within."""
     grids = (random_grid((3, 3, 3), seed=21, fill=0.6, peak=0.4),) if fibers else (NOTHING,)
     phases = {"a": TABLE["reference"]} if fibers else None
     media = [
@@ -117,6 +117,7 @@ def test_white_furnace_in_colored_fog(fibers):
         assert abs(z_score(result, 1.0, channel=channel)) < Z_LIMIT
 
 
+@pytest.mark.proof
 def test_a_colored_fog_glows_as_its_closed_form():
     glow = IsotropicScattering(albedo=0.0, emission=(3.0, 2.0, 1.0))
     result = picture([fog(scattering=glow)], lights=[ConstantLight(radiance=(0.0, 0.0, 0.0))])
@@ -124,6 +125,7 @@ def test_a_colored_fog_glows_as_its_closed_form():
         assert abs(z_score(result, emission * -math.expm1(-sigma), channel=channel)) < Z_LIMIT
 
 
+@pytest.mark.proof
 def test_a_gray_box_is_the_grid_that_fills_it():
     """The same block as a homogeneous medium and as voxels of isotropic extinction."""
     side = 16 * VOXEL_MM

@@ -91,6 +91,7 @@ def test_free_flights_leave_each_column_as_often_as_they_should(grid, tracking):
     assert stats.chi2.cdf((z[fair] ** 2).sum(), fair.sum()) > ERROR_PROBABILITY
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("shadows", ["exact", "ratio", "residual_ratio"])
 def test_shadow_rays_know_each_column(grid, shadows):
     """A white ground behind the volume, seen from between the two, under light that came through."""

@@ -24,10 +24,10 @@ from .volumes import VOXEL_MM, random_grid, uniform_grid, volume
 pytestmark = pytest.mark.gl
 
 UNBIASED = [
-    ("exact", "ratio"),
     ("exact", "residual_ratio"),
     ("delta", "exact"),
-    ("delta", "residual_ratio"),
+    pytest.param("exact", "ratio", marks=pytest.mark.proof),
+    pytest.param("delta", "residual_ratio", marks=pytest.mark.proof),
 ]
 THICK = random_grid((3, 3, 3), seed=35, peak=0.5)
 FULL = random_grid((3, 3, 3), seed=36, fill=0.98, peak=0.3)
@@ -62,6 +62,7 @@ def test_estimators_agree_to_a_few_thousandths(usual, tracking, shadows):
     assert other.statistics.majorant_violations == 0
 
 
+@pytest.mark.proof
 def test_marching_lets_too_much_pass_and_less_so_by_shorter_steps(usual):
     """Steps of 8 voxels are off by percents, of 4 by less; half a voxel agrees."""
     mean, error = picture_mean(usual)
@@ -130,6 +131,7 @@ def test_what_has_no_effect_is_refused():
         RenderConfig(correlation="fibers", shadow_tracking="ratio")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("shadows", ["residual_ratio"])
 def test_white_furnace_by_light_sampling(shadows):
     config = RenderConfig(
