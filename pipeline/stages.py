@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from weft.fiber_model.fibers import FiberSet
     from weft.fiber_model.yarns.yarns import YarnSet
-    from weft.renderer.brick_pool import LevelShare
     from weft.renderer.scene import AnyVolume
 
 OneKind = TypeVar("OneKind", bound=Scattering)
@@ -158,7 +157,7 @@ def scattering_by_medium(job: Job) -> dict[str, Scattering]:
 
 def make_image(work: StageWork) -> dict[str, Any]:
     from weft.renderer.exposure import Keeping
-    from weft.renderer.render import run, save
+    from weft.renderer.render import described_detail, run, save
 
     from .pictures_of import unfinished_picture
     from .scattering_file import read_scattering
@@ -182,20 +181,9 @@ def make_image(work: StageWork) -> dict[str, Any]:
         "summary": f"{width} x {height}, {statistics.samples_per_pixel} samples per pixel, "
         f"{statistics.paths / max(statistics.seconds, 1e-9) / 1e6:.3g} M paths/s on {statistics.device}"
         + (f"; for want of memory {statistics.made_smaller}" if statistics.made_smaller else "")
-        + _detail(statistics.detail),
+        + "".join(f"; {part}" for part in described_detail(statistics)),
         **_plain(statistics),
     }
-
-
-def _detail(shares: Sequence[LevelShare]) -> str:
-    """How much of the cloth is drawn in which voxels, and how far off they are, as far as that is known."""
-    parts = [
-        f"{share.fiber_share:.0%} of the fiber in voxels of {share.voxel_size_mm:g} mm"
-        + (f" (extinction off by {share.extinction_error_rms:.2g})" if share.extinction_error_rms else "")
-        for share in shares
-        if share.brick_count
-    ]
-    return "; " + ", ".join(parts) if parts else ""
 
 
 def fiber_set(work: StageWork) -> FiberSet:

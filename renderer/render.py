@@ -154,4 +154,15 @@ def attributes(result: RenderResult) -> dict[str, object]:
         "weft.samplesPerPixel": s.samples_per_pixel,
         "weft.complete": int(result.complete),
         "weft.cutPaths": str(s.cut_paths),
+        **({"weft.detail": ", ".join(described_detail(s))} if s.detail else {}),
     }
+
+
+def described_detail(statistics: RenderStatistics) -> list[str]:
+    """How much of the cloth is drawn in which voxels, and how far these are off, as far as that is known."""
+    return [
+        f"{share.fiber_share:.0%} of the fiber in voxels of {share.voxel_size_mm:g} mm"
+        + (f" (extinction off by {share.extinction_error_rms:.2g})" if share.extinction_error_rms else "")
+        for share in statistics.detail
+        if share.brick_count
+    ]

@@ -19,7 +19,7 @@ from weft.renderer.config import (
 )
 from weft.renderer.detail import choose_bricks, pixel_footprint
 from weft.renderer.level_files import open_levels
-from weft.renderer.render import run
+from weft.renderer.render import attributes, run
 from weft.renderer.scene import IsotropicPhase, build_scene
 from weft.renderer.volume_levels import VolumeLevels
 from weft.voxelize.grid import FiberGrid, FiberVolume
@@ -328,6 +328,10 @@ def test_smaller_thresholds_make_smaller_errors():
         result = run(config.model_copy(update={"detail_pixels": pixels}), levels, lobes)
         errors.append(float(np.sqrt(((result.layers["A"] - full.layers["A"]) ** 2).mean())))
         sizes.append(result.statistics.device_bytes)
+        last = result.statistics.detail[-1]
+        told = f"in voxels of {last.voxel_size_mm:g} mm (extinction off by 0.0{last.level})"
+        assert attributes(result)["weft.detail"].endswith(told)
+    assert "weft.detail" not in attributes(full)
     assert errors[0] > 1.5 * errors[1] > 0
     assert errors[1] > 1.2 * errors[2] > 0
     assert max(sizes) < full.statistics.device_bytes
