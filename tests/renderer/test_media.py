@@ -17,7 +17,8 @@ from weft.renderer.config import (
     QuadLight,
     RenderConfig,
 )
-from weft.renderer.kernel import KernelOptions
+from weft.renderer.gpu.context import shared_context
+from weft.renderer.kernel import Kernel, KernelOptions
 from weft.renderer.media_config import (
     BallBound,
     BoxBound,
@@ -27,7 +28,9 @@ from weft.renderer.media_config import (
     IsotropicScattering,
     MeshBound,
 )
+from weft.renderer.passes import Pass
 from weft.renderer.render import run
+from weft.renderer.scene import build_scene
 from weft.renderer.simple_phases import IsotropicPhase
 from weft.renderer.surface_config import BallSurface, DiffuseMaterial, Placement
 
@@ -203,6 +206,27 @@ def test_no_scheduling_changes_a_bit_among_colored_media(options):
     )
     for name, layer in usual.layers.items():
         np.testing.assert_array_equal(layer, other.layers[name], err_msg=name)
+
+
+def test_paths_among_colored_media_go_on_in_another_kernel_with_the_same_bits():
+    """Their state is taken in the middle of a pass, as a checkpoint does."""
+    ball = fog(BallBound(position_mm=(0.5, 0.4, 0.4), radius_mm=0.5), COLORS, IsotropicScattering())
+    config = RenderConfig(resolution=(16, 16), lights=[ConstantLight()], camera=PERSPECTIVE, media=[ball])
+    scene = build_scene(config, volume(random_grid((2, 2, 2), seed=42, peak=0.2)), {"a": TABLE["reference"]})
+    options = KernelOptions(lane_count=64, rounds_per_dispatch=2)
+    work = Pass((0, 0, 16, 16), range(8))
+    undisturbed, stopped, resumed = (Kernel(shared_context(), scene, options) for _ in range(3))
+    expected = undisturbed.trace(work)
+    stopped.begin(work)
+    for _ in range(5):
+        stopped.advance()
+    assert stopped.busy
+    assert resumed.restore(stopped.state())
+    while resumed.busy:
+        resumed.advance()
+    np.testing.assert_array_equal(resumed.sums(), expected)
+    for kernel in (undisturbed, stopped, resumed):
+        kernel.release()
 
 
 def test_a_grid_beside_the_volume(tmp_path):
