@@ -12,6 +12,7 @@ import pytest
 from weft.renderer.config import ConstantLight, LanczosFilter, PerspectiveCamera, RenderConfig
 from weft.renderer.gpu.shader_source import assemble
 from weft.renderer.light_config import DiskLight, QuadLight
+from weft.renderer.media_config import BallBound, BoxBound, HomogeneousMedium
 from weft.renderer.scene import IsotropicPhase, build_scene
 from weft.renderer.surface_config import GroundSurface, PrincipledMaterial
 from weft.renderer.voxel_pages import voxel_pages_glsl
@@ -50,9 +51,26 @@ def kernel_text(tracking, extinction, phase, count, philox, **extras):
     return assemble("path/trace.comp", constants=scene.constants() | options, pieces=pieces).text
 
 
+OTHER_MEDIA = [
+    HomogeneousMedium(bound=BallBound(radius_mm=1), extinction_per_mm=(1, 2, 3)),
+    HomogeneousMedium(bound=BoxBound(lower_mm=(0, 0, 0), upper_mm=(1, 1, 1)), extinction_per_mm=1),
+]
+CHOICES = [
+    (("exact", "projected", "fiber", 2, 2), {"media": OTHER_MEDIA}),
+    (("exact", "projected", "isotropic", 1, 3), {"media": OTHER_MEDIA[1:]}),
+    (("exact", "projected", "fiber", 2, 3), {"shadow_tracking": "residual_ratio"}),
+    (("delta", "projected", "fiber", 1, 2), {"shadow_tracking": "march"}),
+    (("delta", "isotropic", "fiber", 1, 0), {"shadow_tracking": "exact"}),
+]
+"""Media beside the fibers, pairs of estimators, MD5 (2) and Sobol (3)."""
+
+
 @pytest.mark.skipif(shutil.which("glslangValidator") is None, reason="glslang-tools is not installed")
 def test_the_reference_compiler_accepts_every_variant(tmp_path):
-    for index, (variant, extras) in enumerate(itertools.product(VARIANTS, ({}, EXTRAS))):
+    choices = [
+        (variant, extras | more) for (variant, extras), more in itertools.product(CHOICES, ({}, EXTRAS))
+    ]
+    for index, (variant, extras) in enumerate([*itertools.product(VARIANTS, ({}, EXTRAS)), *choices]):
         file = tmp_path / f"{index}.comp"
         file.write_text(kernel_text(*variant, **extras))
         check = subprocess.run(["glslangValidator", "-l", file], capture_output=True, text=True, check=False)
