@@ -33,19 +33,18 @@ def test_starts_follow_the_seed():
 
 
 def test_the_jacobian_of_the_polish_equals_finite_differences():
-    """Central differences of the residuals in every free parameter, gray and in color."""
-    for channels in (1, 3):
-        truth = random_truth(np.random.default_rng(2), gray=channels == 1)
-        residual, p, data = problem(synthetic(truth, seed=2, channels=channels))
-        x = vector_of(truth, channels)
-        slopes = np.asarray(free_jacobian(residual, p, data, x))
-        evaluate = jax.jit(lambda x, r=residual, p=p, d=data: r(expand(p, x), d))
-        for i in np.flatnonzero(p.free):
-            step = np.zeros(len(x))
-            step[i] = 1e-5 * x[i]
-            difference = (evaluate(x + step) - evaluate(x - step)) / (2 * step[i])
-            np.testing.assert_allclose(slopes[:, i], difference, atol=1e-6 * np.abs(slopes[:, i]).max())
-        assert not slopes[:, p.free == 0].any()
+    """Central differences of the residuals in every free parameter."""
+    truth = random_truth(np.random.default_rng(2))
+    residual, p, data = problem(synthetic(truth, seed=2))
+    x = vector_of(truth)
+    slopes = np.asarray(free_jacobian(residual, p, data, x))
+    evaluate = jax.jit(lambda x: residual(expand(p, x), data))
+    for i in np.flatnonzero(p.free):
+        step = np.zeros(len(x))
+        step[i] = 1e-5 * x[i]
+        difference = (evaluate(x + step) - evaluate(x - step)) / (2 * step[i])
+        np.testing.assert_allclose(slopes[:, i], difference, atol=1e-6 * np.abs(slopes[:, i]).max())
+    assert not slopes[:, p.free == 0].any()
 
 
 def test_polish_stops_at_a_bound_where_the_gradient_points_outward():

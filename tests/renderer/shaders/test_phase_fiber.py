@@ -170,7 +170,7 @@ def test_rejection_ends_soon(name):
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("case", list(itertools.product(MEDIA, (0.0, 30.0, 60.0, -75.0, -89.0))))
+@pytest.mark.parametrize("case", list(itertools.product(MEDIA, (0.0, 30.0, 60.0, -75.0, -89.0))), ids=str)
 def test_a_million_samples_follow_the_pdf(case):
     assert chi_square(*case, 1_000_000) > ALPHA / (5 * len(MEDIA))
 
