@@ -19,6 +19,8 @@ from weft.fiber_model.optics.materials import MATERIALS
 
 FIBERS = [(name, shape) for name, material in MATERIALS.items() for shape in material.cross_sections]
 LIMIT = 0.05
+ROUND = [(name, shape) for name, shape in FIBERS if shape == "circle"] + [("wool", "ellipse")]
+"""Or nearly: simple lobes reach the limit too."""
 
 
 def without_tables(parameters):
@@ -52,14 +54,14 @@ def test_light_lies_around_every_fiber_as_its_preset_says(name, shape, record_pr
     assert variations.lobes[unseen].mean() < LIMIT
     assert variations.azimuth.mean() < LIMIT
     assert np.abs(variations.albedo).max() < 0.015
-    if shape != "circle":
+    if (name, shape) not in ROUND:
         assert total_variations(result, without_tables(shipped)).lobes[0] > LIMIT
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("name", [name for name, shape in FIBERS if shape == "circle"])
-def test_round_fibers_need_no_more_than_gamma_trt_at_normal_incidence(name):
+@pytest.mark.parametrize(("name", "shape"), ROUND)
+def test_round_fibers_need_no_more_than_gamma_trt_at_normal_incidence(name, shape):
     """The reference's figure: R, TT, TRT each against its best simple lobe; a uniform TRT is not enough."""
-    _, result = simulated(name, "circle", 1_000_000, (0.0,), seed=2)
+    _, result = simulated(name, shape, 1_000_000, (0.0,), seed=2)
     *_, simple, uniform_trt = shapes_at_normal_incidence(result)
     assert simple < LIMIT < uniform_trt
