@@ -105,17 +105,17 @@ def seconds_to_end(process):
 
 
 SIZES = [
-    pytest.param(64, 0, id="small"),
-    pytest.param(1024, 60, id="a million pixels", marks=pytest.mark.proof),
+    pytest.param(64, 512, 0, id="small"),
+    pytest.param(1024, 4096, 60, id="a million pixels", marks=pytest.mark.proof),
 ]
 
 
-@pytest.mark.parametrize(("size", "checkpoint_s"), SIZES)
-def test_sigterm_leaves_a_valid_checkpoint_within_five_seconds(fresh, size, checkpoint_s):
+@pytest.mark.parametrize(("size", "samples", "checkpoint_s"), SIZES)
+def test_sigterm_leaves_a_valid_checkpoint_within_five_seconds(fresh, size, samples, checkpoint_s):
     """And the picture so far. In the process's own time: a busy machine may hold it up for longer."""
     path, _, out = fresh
     more = ["--set", f"render.resolution=[{size},{size}]", "--set", f"output.checkpoint_s={checkpoint_s}"]
-    process = start(path, *more, "--set", "render.samples_per_pixel=4096")
+    process = start(path, *more, "--set", f"render.samples_per_pixel={samples}")
     wait_for(out / ("image.rendering.png" if checkpoint_s else "image.checkpoint.exr"), process)
     process.send_signal(signal.SIGTERM)
     own, wall = seconds_to_end(process)

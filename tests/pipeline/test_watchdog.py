@@ -72,7 +72,7 @@ def assert_noticed(flag, kind, seconds):
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("kind", ["spins", "sleeps"])
+@pytest.mark.parametrize("kind", ["spins", pytest.param("sleeps", marks=pytest.mark.proof)])
 def test_a_run_that_hangs_goes_on_from_its_checkpoint(fresh, tmp_path, kind):  # noqa: F811
     path, picture, out = fresh
     done = hanging(tmp_path / "flag", "once", kind, path)
