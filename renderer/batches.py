@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ SMALLEST_HEIGHT = 2
 """Of a strip [pixels]."""
 STRIP_SHARE = 0.3
 """Of the pool, for what a strip sees; the strips before it stay as long as they have room."""
+RIM = 1 / 16
+"""Of a swath's width: so far into the swath before, a strip's bricks are loaded as well."""
 ROUNDING = 1e-3
 """Of the device's camera rays, at most [pixels]."""
 CELLS_PER_CHUNK = 1 << 18
@@ -182,7 +185,16 @@ def screen_strips(
         limit = int(capacity * STRIP_SHARE)
         strips = subdivide_screen(part, rows, footprints, layers, limit, strips=True)
         found += strips[::-1] if swath % 2 else strips
-    return found
+    return [_with_rim(strip, columns, footprints) for strip in found]
+
+
+def _with_rim(strip: RenderBatch, columns: range, footprints: Footprints) -> RenderBatch:
+    """With what paths need that go back a little into the swath that is done."""
+    first = max(strip.columns.start - math.ceil(RIM * len(strip.columns)), columns.start)
+    if first == strip.columns.start:
+        return strip
+    rim = seen_cells(range(first, strip.columns.start), strip.rows, footprints)
+    return replace(strip, cells=np.concatenate([strip.cells, np.setdiff1d(rim, strip.cells)]))
 
 
 def _halves(columns: range, rows: range, strips: bool) -> list[tuple[range, range]]:
