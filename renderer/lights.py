@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,8 @@ from .daylight import sun_light
 from .environment import LUMINANCE, build_environment, texel_solid_angles
 
 MAX_DIRECTIONAL_LIGHTS = 16
+FEW_PAIRS = 64
+"""Below so many at once, `alias_table` goes faster one by one."""
 
 
 @dataclass(frozen=True)
@@ -107,19 +110,37 @@ def alias_table(probability: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Thresholds [1] and aliases: entry i stands for itself with chance threshold[i], else for alias[i].
 
     Vose 1991, vectorized: every small entry takes its missing part from a large one, as many at once as there
-    are of both; a large one that became small joins the small ones.
+    are of both; a large one that became small joins the small ones. Their number only falls; the last few
+    large ones go one by one, in the same order.
     """
     count = len(probability)
     weight = np.asarray(probability, np.float64) * count
     threshold, alias = np.ones(count), np.arange(count)
     small, large = np.flatnonzero(weight < 1), np.flatnonzero(weight >= 1)
-    while len(small) and len(large):
-        pairs = min(len(small), len(large))
+    while (pairs := min(len(small), len(large))) >= FEW_PAIRS:
         s, l_ = small[:pairs], large[:pairs]
         threshold[s], alias[s] = weight[s], l_
         weight[l_] -= 1 - weight[s]
         still_large = weight[l_] >= 1
         small = np.concatenate([small[pairs:], l_[~still_large]])
         large = np.concatenate([large[pairs:], l_[still_large]])
+    _pair_singly(weight, threshold, alias, small, large)
     # what is left differs from 1 by rounding only
     return threshold, alias
+
+
+def _pair_singly(
+    weight: np.ndarray, threshold: np.ndarray, alias: np.ndarray, small: np.ndarray, large: np.ndarray
+) -> None:
+    """Finish `threshold` and `alias`, each step on one small and one large entry."""
+    waiting, givers = deque(small.tolist()), deque(large.tolist())
+    weights = weight.tolist()
+    taken: list[tuple[int, float, int]] = []
+    while waiting and givers:
+        s, giver = waiting.popleft(), givers.popleft()
+        taken.append((s, weights[s], giver))
+        weights[giver] -= 1 - weights[s]
+        (givers if weights[giver] >= 1 else waiting).append(giver)
+    if taken:
+        entries, kept, others = map(np.array, zip(*taken, strict=True))
+        threshold[entries], alias[entries] = kept, others
