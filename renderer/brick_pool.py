@@ -36,6 +36,8 @@ MAX_EMPTY_RADIUS_IN_BRICK = 7
 BRICKS_PER_CHUNK = 2048
 LEVEL_SHIFT = 25
 """Of a cell's word, where bricks are of several levels."""
+SMALL_GRID = 1 << 22
+"""Cells times those along the longest side, up to which empty boxes are found without scipy."""
 
 
 class VoxelRows(Protocol):
@@ -209,10 +211,28 @@ def _link_cells(flat: np.ndarray, medium: np.ndarray, shape: tuple[int, ...]) ->
 
 def empty_radius(occupied: np.ndarray) -> np.ndarray:
     """Chebyshev distance to the nearest occupied cell, less one; cells outside count as empty."""
-    from scipy.ndimage import distance_transform_cdt
+    if occupied.size * max(occupied.shape) > SMALL_GRID and occupied.any():
+        from scipy.ndimage import distance_transform_cdt
 
-    distance = distance_transform_cdt(~occupied, metric="chessboard")
-    return np.clip(distance - 1, 0, 0xFFFF).astype(np.uint32)
+        distance = distance_transform_cdt(~occupied, metric="chessboard")
+        return np.clip(distance - 1, 0, 0xFFFF).astype(np.uint32)
+    return _radius_by_growing(occupied)
+
+
+def _radius_by_growing(occupied: np.ndarray) -> np.ndarray:
+    """As `empty_radius`, without the third of a second that starting scipy takes."""
+    radius = np.zeros(occupied.shape, np.uint32)
+    reached = occupied.copy()
+    while occupied.any():
+        for axis in range(occupied.ndim):
+            lines = np.moveaxis(reached, axis, 0)
+            before = lines.copy()
+            lines[1:] |= before[:-1]
+            lines[:-1] |= before[1:]
+        if reached.all():
+            break
+        radius += ~reached
+    return radius
 
 
 def _quantize(grids: Sequence[FiberGrid], order: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -12,9 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
-from weft.fiber_model.scattering.longitudinal import gaussian_normalization
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
 from weft.fiber_model.scattering.phase import longitudinal_widths
 
@@ -22,6 +20,9 @@ from .azimuthal_block import azimuthal_row_count, azimuthal_rows, table_shape
 from .symmetric_table import TABLE_ROWS, symmetric_table, table_constants_glsl
 
 NORMALIZATION_TERMS = 8
+NODES = 48
+REACH = 9.0
+"""Widths of a lobe that its integral covers; the rest is 1e-18 of it."""
 KINDS = {"gaussian": 0.0, "vmf": 1.0, "symmetric": 2.0}
 UNIFORM, WRAPPED_IMAGES, WRAPPED_SERIES, VON_MISES, TABULATED = 0.0, 1.0, 2.0, 3.0, 4.0
 WIDEST_IMAGE_SUM = 1.4
@@ -189,6 +190,17 @@ def _gaussian_constants(betas: Row, grazing: Row) -> dict[str, Row]:
     }
 
 
+def _normalization(theta_o: Row, beta: float | Row) -> Row:
+    """G(theta_o), shape [n], by Gauss-Legendre; the closed form of longitudinal.py would start scipy."""
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    low = np.maximum(-np.pi / 2, -theta_o - REACH * beta)
+    half = 0.5 * (np.minimum(np.pi / 2, -theta_o + REACH * beta) - low)
+    theta = (low + half)[:, None] + half[:, None] * nodes
+    width = np.broadcast_to(beta, theta_o.shape)[:, None]
+    values = np.exp(-0.5 * ((theta + theta_o[:, None]) / width) ** 2) * np.cos(theta) ** 2
+    return values @ weights * half / (beta * np.sqrt(2 * np.pi))
+
+
 def _fit_normalization_tail(beta: float, *, narrow: bool) -> tuple[Row, float]:
     """Coefficients of what the cut at ±pi/2 takes from G(theta_o), and G's largest relative error.
 
@@ -198,7 +210,7 @@ def _fit_normalization_tail(beta: float, *, narrow: bool) -> tuple[Row, float]:
     chebyshev = 0.5 - 0.5 * np.cos(np.pi * (np.arange(400) + 0.5) / 400)
     gap = chebyshev * min(np.pi / 2, 6.5 * beta if narrow else np.inf)
     theta = np.pi / 2 - gap
-    exact = gaussian_normalization(theta, beta)
+    exact = _normalization(theta, beta)
     uncut = -0.5 * np.expm1(-2 * beta**2) + np.exp(-2 * beta**2) * np.cos(theta) ** 2
     y = gap / beta
     falloff = np.exp(-0.5 * y**2) if narrow else np.ones_like(y)
@@ -226,7 +238,7 @@ def _fit_growing_tail(beta: float, along: float, *, narrow: bool) -> tuple[Row, 
     gap = chebyshev * (dense[near].max(initial=dense[0]) if narrow else np.pi / 2)
     theta = np.pi / 2 - gap
     width = beta + (along - beta) * (1 - np.cos(theta))
-    exact = gaussian_normalization(theta, width)
+    exact = _normalization(theta, width)
     uncut = -0.5 * np.expm1(-2 * width**2) + np.exp(-2 * width**2) * np.cos(theta) ** 2
     y = gap / width
     falloff = (width / beta) ** 2 * (np.exp(-0.5 * y**2) if narrow else 1.0)
@@ -250,6 +262,8 @@ def _azimuthal(kind: str, gamma: float | None) -> Row:
     if gamma is None:
         return np.array([[UNIFORM, 0.0, 1 / (2 * np.pi), 0.0]])
     if kind == "von_mises":
+        from scipy import special  # only here: it takes a fifth of a second to start
+
         kappa = gamma**-2.0
         return np.array([[VON_MISES, gamma, 1 / (2 * np.pi * special.i0e(kappa)), _best_fisher_slope(kappa)]])
     if gamma <= WIDEST_IMAGE_SUM:

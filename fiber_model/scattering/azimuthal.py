@@ -10,7 +10,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import special
 
 Array = NDArray[np.float64]
 
@@ -44,10 +43,14 @@ def _wrapped_normals(phi: Array, gamma: Array) -> Array:
 
 
 def wrapped_normal_sample(gamma: float | Array, u: ArrayLike) -> Array:
+    from scipy import special  # only here: it takes a fifth of a second to start
+
     return gamma * special.ndtri(np.asarray(u, dtype=np.float64))
 
 
 def von_mises_eval(phi: ArrayLike, gamma: float | Array) -> Array:
+    from scipy import special  # only here: it takes a fifth of a second to start
+
     kappa = gamma**-2.0
     drop = 2 * np.sin(0.5 * np.asarray(phi, dtype=np.float64)) ** 2  # 1 - cos(phi) without cancellation
     return np.exp(-kappa * drop) / (2 * np.pi * special.i0e(kappa))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import special
 
 Array = NDArray[np.float64]
 Width = float | Array
@@ -24,6 +23,8 @@ def _gaussian_cos2_partial(theta: ArrayLike, mean: ArrayLike, beta: Width) -> Ar
 
     cos² = (1 + Re exp(2i theta)) / 2; the Gaussian integral of the second term is an erf of complex argument.
     """
+    from scipy import special  # only here: it takes a fifth of a second to start
+
     mean = np.asarray(mean, dtype=np.float64)
     x = (np.asarray(theta, dtype=np.float64) - mean) / (_SQRT2 * beta)
     oscillating = np.exp(2j * mean - 2 * beta**2) * special.erf(x - 1j * _SQRT2 * beta)
@@ -87,6 +88,8 @@ def gaussian_mode(mean: ArrayLike, beta: Width) -> Array:
 
 def vmf_eval(theta_o: ArrayLike, theta_i: ArrayLike, beta: Width) -> Array:
     """exp(-sin sin / v) I0(cos cos / v) / (2 v sinh(1/v)) with v = beta², arranged not to overflow."""
+    from scipy import special  # only here: it takes a fifth of a second to start
+
     theta_o, theta_i = np.asarray(theta_o, dtype=np.float64), np.asarray(theta_i, dtype=np.float64)
     v = beta**2
     exponent = -2 * np.sin(0.5 * (theta_i + theta_o)) ** 2 / v

@@ -243,6 +243,10 @@ def test_help_loads_nothing_heavy():
     assert not loaded & set(HEAVY)
 
 
+def test_the_renderer_starts_without_scipy():
+    assert "scipy" not in modules_after("import weft.renderer.render, weft.renderer.exposure")
+
+
 def test_help_answers_quickly():
     weft("--help")
     began = time.perf_counter()

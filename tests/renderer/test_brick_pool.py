@@ -6,9 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_cdt
 
 from weft.files.errors import InputError
-from weft.renderer.brick_pool import DENSITY_LEVELS, EMPTY_CELL, build_brick_pool
+from weft.renderer.brick_pool import DENSITY_LEVELS, EMPTY_CELL, build_brick_pool, empty_radius
 from weft.renderer.direction_encoding import DIRECTION_BITS, decode_axis, encode_axis
 
 from .volumes import brick_origins, random_grid, uniform_grid
@@ -125,3 +126,13 @@ def test_bad_grids_are_refused_in_one_line():
     )
     with pytest.raises(InputError, match="the volume holds no fiber"):
         build_brick_pool([empty])
+
+
+@pytest.mark.parametrize("share", [0.3, 0.02, 0.0])
+def test_small_grids_find_the_empty_boxes_that_scipy_finds(share):
+    rng = np.random.default_rng(5)
+    for shape in ((7, 12, 9), (1, 1, 30), (16, 2, 5)):
+        occupied = rng.random(shape) < share
+        occupied[tuple(rng.integers(shape))] = True
+        expected = distance_transform_cdt(~occupied, metric="chessboard") - 1
+        np.testing.assert_array_equal(empty_radius(occupied), np.maximum(expected, 0))

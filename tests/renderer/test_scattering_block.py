@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from tests.fiber_model.scattering.scattering_cases import CORNERS
+from weft.fiber_model.scattering.longitudinal import gaussian_normalization
 from weft.renderer.scattering_block import (
     BLOCK_SHADER,
     FLOATS_PER_MEDIUM,
+    _normalization,
     fiber_block_glsl,
     pack_scattering,
 )
@@ -25,3 +27,13 @@ def test_packs_finite_rows(name):
     assert rows.shape == (2, FLOATS_PER_MEDIUM)
     assert rows.dtype == np.float32
     assert np.all(np.isfinite(rows))
+
+
+@pytest.mark.parametrize("beta", [0.02, 0.1, 0.6, 1.2])
+def test_the_normalization_is_the_closed_form(beta):
+    theta = np.linspace(0, np.pi / 2, 50)
+    growing = beta * (1 + np.cos(theta))
+    np.testing.assert_allclose(_normalization(theta, beta), gaussian_normalization(theta, beta), rtol=1e-12)
+    np.testing.assert_allclose(
+        _normalization(theta, growing), gaussian_normalization(theta, growing), rtol=1e-12
+    )
