@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
-SETTINGS = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+SETTINGS = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 LARGEST_MM = 1e6
@@ -223,11 +223,12 @@ else:
         "FiberTypeConfig",
         __config__=SETTINGS,
         __doc__="Values of one yarn type that differ from those of the others; keys as in [fibers].",
+        keys_as_in=(ClassVar[type[BaseModel]], FiberValues),
         # the trailing None is there because Annotated wants at least one remark
         **{
             name: (
                 Annotated[field.annotation, *field.metadata, None] | None,
-                Field(None, description=field.description),
+                None,
             )
             for name, field in FiberValues.model_fields.items()
         },

@@ -26,7 +26,7 @@ Corner = tuple[float, float, float]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Turntable(_Table):
@@ -173,7 +173,9 @@ def load(
 
 def job_schema() -> dict[str, Any]:
     """JSON Schema of job files. A table that may name a preset requires no key, since a preset gives them."""
-    schema = JobConfig.model_json_schema()
+    from weft.files.key_texts import DescribedSchema
+
+    schema = JobConfig.model_json_schema(schema_generator=DescribedSchema)
     for definition in _definitions_with_presets(schema):
         definition.pop("required", None)
     return {

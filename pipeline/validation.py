@@ -114,9 +114,14 @@ def _without_indices(key: KeyPath) -> KeyPath:
 
 
 def _what_it_is(table: type[BaseModel] | None, key: KeyPath) -> str:
-    field = table.model_fields.get(str(key[-1])) if table else None
-    text = (field.description or "") if field else ""
+    text = _text_of(table, str(key[-1])) if table else ""
     return f" ({text[:1].lower()}{text[1:].split('. ')[0].rstrip('.')})" if text else ""
+
+
+def _text_of(table: type[BaseModel], name: str) -> str:
+    from weft.files.key_texts import key_text
+
+    return key_text(table, name)
 
 
 def _quoted_names(text: str) -> list[str]:

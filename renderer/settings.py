@@ -17,4 +17,4 @@ Reflectance = tuple[Share, Share, Share]
 class Settings(BaseModel):
     """Frozen, complete, finite."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

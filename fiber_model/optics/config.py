@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-SETTINGS = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+SETTINGS = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 Length = Annotated[float, Field(ge=1e-5, le=10)]
 """From 10 nm to 1 cm."""

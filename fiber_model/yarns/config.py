@@ -78,7 +78,7 @@ USD_SUFFIXES = (".usd", ".usda", ".usdc")
 
 
 class _Config(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class FileYarnsConfig(_Config):

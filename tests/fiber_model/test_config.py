@@ -9,6 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from weft.fiber_model.config import FibersConfig, VariationConfig
+from weft.files.key_texts import key_text
 
 PRESETS = ["cotton1", "cotton2", "polyester1", "rayon1", "rayon2", "rayon3", "rayon4", "silk1", "silk2"]
 UNIT = 5.1  # mm per unit of the fitted files, inferred
@@ -97,7 +98,7 @@ def test_refuses_unknown_keys_and_impossible_values(fiber_config) -> None:
 
 
 def test_every_key_is_described() -> None:
-    assert all(field.description for field in FibersConfig.model_fields.values())
+    assert all(key_text(FibersConfig, name) for name in FibersConfig.model_fields)
 
 
 def test_a_yarn_type_changes_only_its_own_values(fiber_config) -> None:

@@ -6,6 +6,7 @@ import sys
 import pytest
 from pydantic import ValidationError
 
+from weft.files.key_texts import DescribedSchema
 from weft.voxelize.config import VoxelizeConfig
 
 
@@ -34,7 +35,7 @@ def test_wrong_settings_are_refused(values, message):
 
 
 def test_every_setting_is_described():
-    schema = VoxelizeConfig.model_json_schema()
+    schema = VoxelizeConfig.model_json_schema(schema_generator=DescribedSchema)
     assert all(field.get("description") for field in schema["properties"].values())
 
 

@@ -14,7 +14,7 @@ FoldDepth = Annotated[float, Field(ge=0, le=1e4, allow_inf_nan=False)]
 
 
 class _Config(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class SleeveConfig(_Config):
