@@ -3,7 +3,8 @@
 A ray meets the outside of a fiber, takes a direction from the fiber's phase function (far field: the same
 for all places across the fiber) and goes on from that point; the fiber it left does not stop it again at
 once. This is what Mitsuba's `bsplinecurve`, whose back faces are culled, does with the three lobes as its
-BSDF. Lobes are those of the numpy twin; nearest fibers are found by Warp's hierarchy of boxes.
+BSDF; tests/renderer/test_mitsuba_fibers.py compares the two. Lobes are those of the numpy twin; nearest
+fibers are found by Warp's hierarchy of boxes.
 """
 
 from __future__ import annotations
