@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -28,7 +29,7 @@ from .follow import BASES, follow_curves
 from .raw_file import one_radius_each, refuse_few_points
 from .usd_stage import RAGGED_FIELDS, TEXT_FIELDS
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 300.0
 """For USD to read a file, and a second more for each of its megabytes."""
 TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MISSING = "USD files need the package usd-core, which is not installed."
@@ -137,6 +138,8 @@ def read_in_process(path: Path, module: str, *arguments: str) -> dict[str, np.nd
             raise InputError(what, path=path) from None
         if done.returncode == InputError.exit_code:
             raise InputError(done.stdout.decode().strip(), path=path)
+        if done.returncode == -signal.SIGXCPU:
+            raise InputError("USD did not come to an end with this file; is it damaged?", path=path)
         if done.returncode != 0 or not result.is_file():
             what = f"USD failed on this file (exit code {done.returncode}); is it damaged?"
             raise InputError(what, path=path)

@@ -20,6 +20,8 @@ from weft.files.errors import InputError
 MEMORY_BYTES = 4 << 30
 """Address space beyond a multiple of the file's size; USD itself takes about half a GiB."""
 MEMORY_PER_FILE_BYTE = 32
+PROCESSOR_SECONDS = 60
+"""At most, and one more for every MB. By the clock it may take longer, where disk or processors are busy."""
 TEXT_FIELDS = ("path", "type", "basis", "wrap", "interpolation", "yarn_type")
 RAGGED_FIELDS = {"counts": 1, "points": 3, "widths": 1, "yarn": 1, "twist": 1, "uv": 2}
 """Arrays of a prim, of any length, and their columns."""
@@ -38,9 +40,12 @@ def main(file: str, result: str, frame: str) -> int:
 
 
 def write_fields(read: Callable[[], dict[str, Any]], file: str, result: str) -> int:
-    """Write what `read` finds in `file`, within limits of memory; the exit code."""
-    limit = MEMORY_BYTES + MEMORY_PER_FILE_BYTE * Path(file).stat().st_size
+    """Write what `read` finds in `file`, within limits of memory and time; the exit code."""
+    size = Path(file).stat().st_size
+    limit = MEMORY_BYTES + MEMORY_PER_FILE_BYTE * size
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    seconds = PROCESSOR_SECONDS + size // 1_000_000
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     try:
         fields = read()
     except InputError as error:

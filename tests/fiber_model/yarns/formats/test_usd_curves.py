@@ -1,6 +1,5 @@
 """USD BasisCurves: every basis and wrap, units, axes, transforms, frames; what is written comes back."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -9,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tests.fiber_model.yarns.formats.forks import MOST_SECONDS, in_forks
 from tests.fiber_model.yarns.formats.mutants import read_mutants
 from tests.fiber_model.yarns.formats.test_follow import (
     RADIUS,
@@ -100,34 +100,10 @@ def reflected(points):
     return np.concatenate([[2 * points[0] - points[1]], points, [2 * points[-1] - points[-2]]])
 
 
-def run_in_fork(command, *, timeout, **options):
-    """What subprocess.run would do with `usd_stage`, without starting Python again."""
-    output, sink = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.dup2(sink, 1)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-        sys.stdout = os.fdopen(1, "w")  # pytest has its own
-        signal.alarm(5)
-        code = 1
-        try:
-            code = usd_stage.main(*command[4:])
-            sys.stdout.flush()
-        finally:
-            os._exit(code)
-    os.close(sink)
-    with os.fdopen(output, "rb") as file:
-        said = file.read()
-    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    if code == -signal.SIGALRM:
-        raise subprocess.TimeoutExpired(command, timeout)
-    return subprocess.CompletedProcess(command, code, said, b"")
-
-
 @pytest.fixture
 def fork(monkeypatch):
     """Read in forks, which takes 0.03 s in place of 0.7."""
-    monkeypatch.setattr(usd_curves.subprocess, "run", run_in_fork)
+    monkeypatch.setattr(usd_curves.subprocess, "run", in_forks(usd_stage.main))
 
 
 @pytest.mark.usefixtures("fork")
@@ -376,11 +352,21 @@ def test_a_reader_that_hangs_or_crashes_ends_in_one_line(tmp_path, monkeypatch):
         read(tmp_path, usda(WALK, more=WIDTH))
 
 
+def test_a_reader_that_never_ends_is_stopped_by_its_own_processor_time(tmp_path):
+    endless = (
+        "from weft.fiber_model.yarns.formats import usd_stage\n"
+        "usd_stage.PROCESSOR_SECONDS = 1\n"
+        f"usd_stage.write_fields(lambda: [None for _ in iter(int, 1)], {__file__!r}, 'nowhere.npz')"
+    )
+    done = subprocess.run([sys.executable, "-c", endless], cwd=tmp_path, timeout=120, check=False)
+    assert done.returncode == -signal.SIGXCPU
+
+
 @pytest.mark.parametrize(("suffix", "loops"), [("usda", True), ("usdc", False)])
 @pytest.mark.usefixtures("fork")
 def test_mutants_are_read_or_refused(tmp_path, monkeypatch, suffix, loops):
     write_usd(a_set(loops=loops), tmp_path / f"y.{suffix}")
     whole = (tmp_path / f"y.{suffix}").read_bytes()
-    monkeypatch.setattr("tests.fiber_model.yarns.formats.mutants.MOST_SECONDS", 8.0)
+    monkeypatch.setattr("tests.fiber_model.yarns.formats.mutants.MOST_SECONDS", MOST_SECONDS)
     refused, good = read_mutants(read_usd, whole, tmp_path / f"m.{suffix}", count=250)
     assert min(refused, good) > 0

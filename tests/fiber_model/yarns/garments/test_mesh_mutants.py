@@ -2,15 +2,13 @@
 
 import base64
 import json
-import os
-import signal
 import subprocess
-import sys
 
 import numpy as np
 import pytest
 import trimesh
 
+from tests.fiber_model.yarns.formats.forks import MOST_SECONDS, in_forks
 from tests.fiber_model.yarns.formats.mutants import read_mutants
 from weft.fiber_model.yarns.garments import usd_mesh_stage
 from weft.fiber_model.yarns.garments.mesh_files import read_mesh
@@ -77,30 +75,6 @@ def test_mutants(tmp_path, name):
     assert good > 20
 
 
-def run_in_fork(command, *, timeout, **options):
-    """What subprocess.run would do with `usd_mesh_stage`, without starting Python again."""
-    output, sink = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.dup2(sink, 1)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-        sys.stdout = os.fdopen(1, "w")
-        signal.alarm(5)
-        code = 1
-        try:
-            code = usd_mesh_stage.main(*command[4:])
-            sys.stdout.flush()
-        finally:
-            os._exit(code)
-    os.close(sink)
-    with os.fdopen(output, "rb") as file:
-        said = file.read()
-    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    if code == -signal.SIGALRM:
-        raise subprocess.TimeoutExpired(command, timeout)
-    return subprocess.CompletedProcess(command, code, said, b"")
-
-
 @pytest.mark.proof
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("suffix", ["usda", "usdc"])
@@ -109,7 +83,7 @@ def test_mutants_of_usd(tmp_path, monkeypatch, suffix):
     pytest.importorskip("pxr", reason="usd-core is an extra: pip install usd-core")
     from pxr import Usd
 
-    monkeypatch.setattr(subprocess, "run", run_in_fork)
+    monkeypatch.setattr(subprocess, "run", in_forks(usd_mesh_stage.main))
     text = tmp_path / "ball.usda"
     text.write_bytes(usda())
     binary = tmp_path / "ball.usdc"
@@ -117,7 +91,7 @@ def test_mutants_of_usd(tmp_path, monkeypatch, suffix):
     stage.GetRootLayer().Export(str(binary))
     path = text if suffix == "usda" else binary
     assert read_mesh(path).face_count == 80
-    monkeypatch.setattr("tests.fiber_model.yarns.formats.mutants.MOST_SECONDS", 8.0)
+    monkeypatch.setattr("tests.fiber_model.yarns.formats.mutants.MOST_SECONDS", MOST_SECONDS)
     mutant = tmp_path / f"mutant.{suffix}"
     refused, good = read_mutants(read_mesh, path.read_bytes(), mutant, count=250, kind=SurfaceMesh)
     assert refused + good == 250
