@@ -133,14 +133,14 @@ def _pair_singly(
     weight: np.ndarray, threshold: np.ndarray, alias: np.ndarray, small: np.ndarray, large: np.ndarray
 ) -> None:
     """Finish `threshold` and `alias`, each step on one small and one large entry."""
+    weights, thresholds, aliases = weight.tolist(), threshold.tolist(), alias.tolist()
     waiting, givers = deque(small.tolist()), deque(large.tolist())
-    weights = weight.tolist()
-    taken: list[tuple[int, float, int]] = []
     while waiting and givers:
         s, giver = waiting.popleft(), givers.popleft()
-        taken.append((s, weights[s], giver))
+        thresholds[s], aliases[s] = weights[s], giver
         weights[giver] -= 1 - weights[s]
-        (givers if weights[giver] >= 1 else waiting).append(giver)
-    if taken:
-        entries, kept, others = map(np.array, zip(*taken, strict=True))
-        threshold[entries], alias[entries] = kept, others
+        if weights[giver] >= 1:
+            givers.append(giver)
+        else:
+            waiting.append(giver)
+    threshold[:], alias[:] = thresholds, aliases
