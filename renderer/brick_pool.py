@@ -220,7 +220,7 @@ def empty_radius(occupied: np.ndarray) -> np.ndarray:
 
 
 def _radius_by_growing(occupied: np.ndarray) -> np.ndarray:
-    """As `empty_radius`, without the third of a second that starting scipy takes."""
+    """As `empty_radius`, without the quarter of a second that starting scipy takes."""
     radius = np.zeros(occupied.shape, np.uint32)
     reached = occupied.copy()
     while occupied.any():
