@@ -44,6 +44,10 @@ def viewer(cloth):
     process.wait()
 
 
+BROWSERS_NOTICE = 150
+"""Rows of the page at whose left a browser without a GPU says so."""
+
+
 def seen(page):
     return page.picture()[CANVAS].astype(float)
 
@@ -96,7 +100,9 @@ def test_one_sees_the_cloth_and_changes_how_it_looks(viewer, tmp_path):
         assert np.abs(lit - turned).mean() > 5, "the light did not turn"
 
         press(page, "Exposure", "Home")
-        assert settled(page, lit).mean() < 0.2 * lit.mean(), "eight stops less and not dark"
+        dark = settled(page, lit)
+        below = slice(BROWSERS_NOTICE, None)
+        assert dark[below].mean() < 0.2 * lit[below].mean(), "eight stops less and not dark"
 
 
 @pytest.mark.gl
@@ -107,7 +113,7 @@ def test_only_this_machine_reaches_the_page_and_an_interrupt_ends_it(viewer):
     with pytest.raises(OSError, match=r"refused|timed out"):
         socket.create_connection(("127.0.0.2", port), timeout=5)
     process.send_signal(signal.SIGINT)
-    assert process.wait(timeout=30) == 0
+    assert process.wait(timeout=120) == 0
 
 
 def test_without_viser_one_line_says_what_to_install(cloth, monkeypatch, capsys):

@@ -7,11 +7,15 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
+
+from weft.fiber_model.yarns.formats import usd_stage
 
 PROCESSOR_SECONDS = 5.0
 """Of a fork, at most. By the clock it may take longer, where the disk or the processors are busy."""
 MOST_SECONDS = 60
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
 def in_forks(main: Callable[..., int]) -> Callable[..., subprocess.CompletedProcess[bytes]]:
@@ -24,6 +28,7 @@ def in_forks(main: Callable[..., int]) -> Callable[..., subprocess.CompletedProc
             os.dup2(sink, 1)
             os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
             sys.stdout = os.fdopen(1, "w")  # pytest has its own
+            usd_stage.MEMORY_BYTES += int(Path("/proc/self/statm").read_text().split()[0]) * PAGE_BYTES
             signal.setitimer(signal.ITIMER_PROF, PROCESSOR_SECONDS)
             signal.alarm(MOST_SECONDS)
             code = 1
