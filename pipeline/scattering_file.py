@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from weft.fiber_model.scattering.parameters import FiberScatteringParameters
+from weft.fiber_model.scattering.parameters import FiberScatteringParameters, Table
 from weft.files.atomic import atomic_write
 from weft.files.errors import InputError
 from weft.files.json_file import read_json
@@ -84,7 +84,7 @@ def _parameters(values: Any, place: str, path: Path) -> Scattering:
 
 
 def _value(name: str, value: Any) -> Any:
-    """A word, a finite number or three, or null, as the field says; `InputError` for anything else."""
+    """A word, a finite number or three, rows of them, or null, as the field says; `InputError` for anything else."""
     if TYPES[name] == "str" and isinstance(value, str):
         return value
     if "None" in TYPES[name] and value is None:
@@ -95,7 +95,18 @@ def _value(name: str, value: Any) -> Any:
         raise InputError(f"{name} is {value!r}; need three finite numbers")
     if TYPES[name].startswith("float") and _is_number(value):
         return value
+    if TYPES[name].startswith("Table"):
+        return _table(name, value)
     raise InputError(f"{name} is {value!r}; need {TYPES[name]}")
+
+
+def _table(name: str, value: Any) -> Table:
+    """Its numbers of rows and knots are checked by the parameters themselves."""
+    if not isinstance(value, list) or not all(
+        isinstance(row, list) and all(map(_is_number, row)) for row in value
+    ):
+        raise InputError(f"{name} needs rows of finite numbers")
+    return tuple(tuple(map(float, row)) for row in value)
 
 
 def _is_number(value: Any) -> bool:
