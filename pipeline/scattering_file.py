@@ -84,7 +84,7 @@ def _parameters(values: Any, place: str, path: Path) -> Scattering:
 
 
 def _value(name: str, value: Any) -> Any:
-    """A word, a finite number or three, rows of them, or null, as the field says; `InputError` for anything else."""
+    """A word, a finite number or three, rows of them, or null, as the field says; else `InputError`."""
     if TYPES[name] == "str" and isinstance(value, str):
         return value
     if "None" in TYPES[name] and value is None:
@@ -102,11 +102,10 @@ def _value(name: str, value: Any) -> Any:
 
 def _table(name: str, value: Any) -> Table:
     """Its numbers of rows and knots are checked by the parameters themselves."""
-    if not isinstance(value, list) or not all(
-        isinstance(row, list) and all(map(_is_number, row)) for row in value
-    ):
+    rows = value if isinstance(value, list) else [value]
+    if not all(isinstance(row, list) and all(map(_is_number, row)) for row in rows):
         raise InputError(f"{name} needs rows of finite numbers")
-    return tuple(tuple(map(float, row)) for row in value)
+    return tuple(tuple(map(float, row)) for row in rows)
 
 
 def _is_number(value: Any) -> bool:
