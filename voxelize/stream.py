@@ -126,7 +126,7 @@ def _planned(
     config: VoxelizeConfig, source: Source, paths: Sequence[Path], worker_count: int | None
 ) -> tuple[VoxelizeConfig, TilePlan, PartFolder, int]:
     """Config with its voxel size, the tiles, the folder of finished ones, how many to fill at once."""
-    config = config.sized(source.fiber_radius_mm)
+    config = config.sized(source.fiber_radius_mm).colored(source.has_colors)
     size, region = config.size_mm, checked_region(config, source)
     bricks = brick_bound(config, source, region)
     if any(path.suffix == ".nvdb" for path in paths):

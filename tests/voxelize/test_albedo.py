@@ -95,8 +95,9 @@ def test_bits_do_not_depend_on_tiles_or_workers(plies):
 
 
 @pytest.mark.skipif(library_version() is None, reason="weft was installed without OpenVDB")
-def test_files_keep_it(plies, tmp_path):
-    config = VoxelizeConfig(voxel_size_mm=0.08, albedo=True, levels=1, second_moment=True)
+@pytest.mark.parametrize("asked", [True, None])
+def test_files_keep_it(plies, tmp_path, asked):
+    config = VoxelizeConfig(voxel_size_mm=0.08, albedo=asked, levels=1, second_moment=True)
     made = voxelize_to_files(config, plies, [tmp_path / "a.vdb", tmp_path / "a.nvdb"])
     expected = run(config, plies)
     for read in (vdb.read_volume(tmp_path / "a.vdb"), nanovdb.read_volume(tmp_path / "a.nvdb")):
