@@ -37,11 +37,16 @@ def viewer(cloth):
     """The running command, its address, and what it said."""
     command = [sys.executable, "-m", "weft.pipeline.cli", "view", str(cloth), "--port", "18231"]
     command += ["--pixels", "96", "--samples", "4"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=heed_interrupts)
     found = re.search(r"http://(127\.0\.0\.1):(\d+)", process.stdout.readline())
     yield process, found[0], int(found[2])
     process.kill()
     process.wait()
+
+
+def heed_interrupts():
+    """Runs in the background ignore them, and so would the programs they start."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 BROWSERS_NOTICE = 150
