@@ -1,4 +1,4 @@
-"""The table and the picture of renderer/README.md, section Volume against fibers (six minutes of one core).
+"""The table and the picture of renderer/VOLUME_AGAINST_FIBERS.md (six minutes of one core).
 
 python -m tests.peers.volume_against_fibers renderer/pictures
 """

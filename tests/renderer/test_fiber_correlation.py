@@ -154,7 +154,7 @@ def test_traced_fibers_at_random_places_are_exponential():
     ids=["dense and apart", "dense and overlapping", "thin"],
 )
 def test_the_volume_is_about_as_bright_as_its_fibers(count, apart, limits):
-    """Voxels of 0.03 mm: what renderer/README.md says of both kinds of free flights."""
+    """Voxels of 0.03 mm: what renderer/VOLUME_AGAINST_FIBERS.md says of both kinds of free flights."""
     scene = bundle(count, seed=6, apart=apart)
     rng = np.random.default_rng(7)
     origin, direction = rays_from_above(15_000, 0.1, rng)

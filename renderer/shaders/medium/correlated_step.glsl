@@ -1,4 +1,4 @@
-// Free flights among fibers rather than among independent points (renderer/README.md, Volume against fibers).
+// Free flights among fibers rather than among independent points (renderer/VOLUME_AGAINST_FIBERS.md).
 // - N fibers that cover optical depth x let (1 - x/N)^N pass: at least one fiber stands in every run of voxels, and
 //   one fiber hides x = 2a/h of its voxel's width, not 1 - exp(-x). Binomial; exponential for many fibers.
 // - A path that leaves a fiber has N - 1 of them before it in the run of voxels where it starts.
