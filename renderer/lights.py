@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,9 @@ from .environment import LUMINANCE, build_environment, texel_solid_angles
 
 MAX_DIRECTIONAL_LIGHTS = 16
 FEW_PAIRS = 64
-"""Below so many at once, `alias_table` goes faster one by one."""
+"""Below so many at once, `alias_table` lets them give several times."""
+MANY_GIFTS = 1 << 14
+"""That it tries at once."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +93,10 @@ def build_light_table(
 def _sampled_luminance(environment: np.ndarray, solid_angle: np.ndarray) -> tuple[np.ndarray, float]:
     """What of each texel is brighter than the mean, shape [n], and the fluence of all the rest."""
     luminance = environment.reshape(-1, 3).astype(np.float64) @ LUMINANCE
-    mean = luminance @ solid_angle / solid_angle.sum()
+    # sums, no dot products: those of a BLAS with threads differ in their last digits by the number of cores
+    mean = (luminance * solid_angle).sum() / solid_angle.sum()
     sampled = np.maximum(luminance - mean * (1 + 1e-6), 0)  # of a constant, rounding is not light
-    return sampled, float((luminance - sampled) @ solid_angle)
+    return sampled, float(((luminance - sampled) * solid_angle).sum())
 
 
 def _world_direction(light: DirectionalLight, camera_axes: np.ndarray) -> np.ndarray:
@@ -110,37 +112,29 @@ def alias_table(probability: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Thresholds [1] and aliases: entry i stands for itself with chance threshold[i], else for alias[i].
 
     Vose 1991, vectorized: every small entry takes its missing part from a large one, as many at once as there
-    are of both; a large one that became small joins the small ones. Their number only falls; the last few
-    large ones go one by one, in the same order.
+    are of both; a large one that became small joins the small ones. Where only few are large, each gives
+    several times in turn, until one becomes small. The order of all gifts is that of two queues.
     """
     count = len(probability)
     weight = np.asarray(probability, np.float64) * count
     threshold, alias = np.ones(count), np.arange(count)
     small, large = np.flatnonzero(weight < 1), np.flatnonzero(weight >= 1)
-    while (pairs := min(len(small), len(large))) >= FEW_PAIRS:
-        s, l_ = small[:pairs], large[:pairs]
-        threshold[s], alias[s] = weight[s], l_
-        weight[l_] -= 1 - weight[s]
-        still_large = weight[l_] >= 1
-        small = np.concatenate([small[pairs:], l_[~still_large]])
-        large = np.concatenate([large[pairs:], l_[still_large]])
-    _pair_singly(weight, threshold, alias, small, large)
+    while pairs := min(len(small), len(large)):
+        turns = min(len(small) // pairs, MANY_GIFTS // pairs) if pairs < FEW_PAIRS else 1
+        givers = large[:pairs]
+        left = _left_after_turns(weight[givers], 1 - weight[small[: turns * pairs]])
+        taken, small = np.split(small, [(len(left) - 1) * pairs])
+        threshold[taken], alias[taken] = weight[taken], np.tile(givers, len(left) - 1)
+        weight[givers] = left[-1]
+        still_large = left[-1] >= 1
+        small = np.concatenate([small, givers[~still_large]])
+        large = np.concatenate([large[pairs:], givers[still_large]])
     # what is left differs from 1 by rounding only
     return threshold, alias
 
 
-def _pair_singly(
-    weight: np.ndarray, threshold: np.ndarray, alias: np.ndarray, small: np.ndarray, large: np.ndarray
-) -> None:
-    """Finish `threshold` and `alias`, each step on one small and one large entry."""
-    weights, thresholds, aliases = weight.tolist(), threshold.tolist(), alias.tolist()
-    waiting, givers = deque(small.tolist()), deque(large.tolist())
-    while waiting and givers:
-        s, giver = waiting.popleft(), givers.popleft()
-        thresholds[s], aliases[s] = weights[s], giver
-        weights[giver] -= 1 - weights[s]
-        if weights[giver] >= 1:
-            givers.append(giver)
-        else:
-            waiting.append(giver)
-    threshold[:], alias[:] = thresholds, aliases
+def _left_after_turns(weight: np.ndarray, gifts: np.ndarray) -> np.ndarray:
+    """Weights of large entries before and after each turn, until one is small; shape [1 + turns, n]."""
+    left = np.subtract.accumulate(np.concatenate([weight[None], gifts.reshape(-1, len(weight))]))
+    became_small = np.flatnonzero((left[1:] < 1).any(axis=1))
+    return left[: became_small[0] + 2] if len(became_small) else left
