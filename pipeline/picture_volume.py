@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,11 @@ BYTES_PER_FILE_BYTE = 4
 
 def picture_volume(job: Job, path: Path) -> AnyVolume:
     """On the disk where the device holds a part of it; what is to be cut or converted, in memory."""
+    return begin_picture_volume(job, path)()
+
+
+def begin_picture_volume(job: Job, path: Path) -> Callable[[], AnyVolume]:
+    """The same, begun where that goes beside other work; the function returned waits for it."""
     table = job.table("render")
     own = path.suffix == ".vdb" and table.foreign is None and table.stencil is None
     in_part = table.brick_pool_mb is not None or table.detail_pixels is not None or _larger_than_memory(path)
@@ -40,9 +46,11 @@ def _larger_than_memory(path: Path) -> bool:
 
 def _levels_of(job: Job, volume: Path) -> list[Path]:
     """Files of the coarser levels that a picture chooses from."""
+    if job.table("render").detail_pixels is None:
+        return []
     from weft.renderer.level_files import level_files
 
-    return level_files(volume) if job.table("render").detail_pixels is not None else []
+    return level_files(volume)
 
 
 def level_hashes(job: Job) -> dict[str, Any]:
@@ -58,20 +66,36 @@ def level_hashes(job: Job) -> dict[str, Any]:
 @lru_cache(maxsize=1)
 def _kept_volume(
     path: Path, sha256: tuple[str, ...], foreign: ForeignVolumeConfig | None, on_disk: bool, in_levels: bool
-) -> AnyVolume:
+) -> Callable[[], AnyVolume]:
     """A volume is read once for all pictures of a run, or laid out in a file of bricks beside it.
 
     `sha256`: of its file, and of those of its levels where these are wanted.
     """
+    begun = [_begin_volume(path, foreign, on_disk, in_levels)]
+
+    @cache  # keeps no errors: whoever asks again reads again
+    def volume() -> AnyVolume:
+        return (begun.pop() if begun else _begin_volume(path, foreign, on_disk, in_levels))()
+
+    return volume
+
+
+def _begin_volume(
+    path: Path, foreign: ForeignVolumeConfig | None, on_disk: bool, in_levels: bool
+) -> Callable[[], AnyVolume]:
     if in_levels:
         from weft.renderer.level_files import open_levels
 
-        return open_levels(path, None if on_disk else load_volume)
-    if not on_disk:
-        return load_volume(path, foreign)
-    from weft.renderer.brick_file import open_brick_file
+        return partial(open_levels, path, None if on_disk else load_volume)
+    if on_disk:
+        from weft.renderer.brick_file import open_brick_file
 
-    return open_brick_file(path)
+        return partial(open_brick_file, path)
+    if foreign is None and path.suffix == ".vdb":
+        from weft.voxelize.vdb import begin_volume
+
+        return begin_volume(path)
+    return partial(load_volume, path, foreign)
 
 
 def load_volume(path: Path, foreign: ForeignVolumeConfig | None = None) -> FiberVolume:

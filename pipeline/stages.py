@@ -16,7 +16,7 @@ from .camera_voxels import camera_settings, sized_by_camera
 from .fit_stage import FIT
 from .job import Job
 from .messages import JobErrors, Problem, did_you_mean, shown
-from .picture_volume import level_hashes, picture_volume
+from .picture_volume import begin_picture_volume, level_hashes
 from .pictures_of import jobs_of_pictures, picture_files
 from .scattering_kinds import Scattering, by_medium, described
 from .stage import Progress, Stage, StageInput, StageWork
@@ -156,14 +156,15 @@ def scattering_by_medium(job: Job) -> dict[str, Scattering]:
 
 
 def make_image(work: StageWork) -> dict[str, Any]:
+    begun = begin_picture_volume(work.job, work.inputs["volume"])  # while modules are read
     from weft.renderer.exposure import Keeping
     from weft.renderer.render import described_detail, run, save
 
     from .pictures_of import unfinished_picture
     from .scattering_file import read_scattering
 
-    volume = picture_volume(work.job, work.inputs["volume"])
-    lobes = media_scattering(work.job, read_scattering(work.inputs["scattering"]), volume)
+    scattering, volume = read_scattering(work.inputs["scattering"]), begun()
+    lobes = media_scattering(work.job, scattering, volume)
     checkpoint, stopping = work.outputs["image"].with_suffix(CHECKPOINT_SUFFIX), StopRequests()
     keeping = Keeping(checkpoint, work.job.config.output.checkpoint_s, work.resume)
     table = work.job.table("render")
@@ -304,6 +305,7 @@ GRID_CODE = tuple(
         "tiles",
         "vdb",
         "vdb_child",
+        "vdb_reader",
         "vdb_stream",
     )
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from types import ModuleType
 
 from weft.files.errors import InputError
@@ -20,6 +21,12 @@ def extension() -> ModuleType:
             'or write .nvdb with voxelize.formats = ["nvdb"].',
         ) from error
     return _openvdb
+
+
+def refuse_missing_openvdb() -> None:
+    """The same error, without loading 10 MB of library where it is another process that will read."""
+    if find_spec(f"{__package__}._openvdb") is None:
+        extension()
 
 
 def library_version() -> str | None:

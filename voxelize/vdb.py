@@ -3,7 +3,8 @@
 Per medium a float grid `density` (fog volume) and a Vec3S grid `fiber_dir` (contravariant relative, unit
 length, one hemisphere); `density_<medium>` and `fiber_dir_<medium>` where there are several. Millimeters
 throughout. Files carry a content hash, since .vdb itself has no checksum. libopenvdb may hang or exhaust
-memory on damaged files: they are read in a child process (vdb_child.py) unless the caller vouches for them.
+memory on damaged files: they are read in a child process (vdb_child.py, vdb_reader.py) unless the caller
+vouches for them.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import re
 import uuid
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -25,7 +26,7 @@ from .grid import CHANNELS, OPTIONAL, FiberGrid, FiberVolume
 from .grid_files import GRID_NAMES, SCHEMA_VERSION, about_of, grid_name, refuse_other_content
 from .openvdb_library import extension
 from .stored import StoredGrid, StoredVolume
-from .vdb_child import read_in_child
+from .vdb_child import VdbReading, read_in_child
 
 UNIQUE_ID_OFFSET = 21
 """After the magic number (8 bytes), three uint32 versions and one flag."""
@@ -131,6 +132,14 @@ def read_volume(path: str | Path, *, verify: bool = True, trusted: bool = False)
     return _to_volume(_read(path, trusted=trusted, with_leaves=True), path, verify=verify)
 
 
+def begin_volume(path: str | Path) -> Callable[[], FiberVolume]:
+    """`read_volume` begun in its child; the function returned waits for the volume."""
+    path = Path(path)
+    _check_is_vdb(path)
+    reading = VdbReading(path, with_leaves=True)
+    return lambda: _to_volume(reading.grids(), path)
+
+
 def verify(path: str | Path) -> str:
     """The content hash of a file, `InputError` unless no byte was changed and the hash agrees."""
     refuse_changed_file(path)
@@ -157,11 +166,10 @@ def is_from_weft(summaries: Sequence[dict[str, Any]]) -> bool:
 
 
 def _read(path: Path, *, trusted: bool, with_leaves: bool) -> list[dict[str, Any]]:
-    module = extension()
     if not trusted:
         return read_in_child(path, with_leaves=with_leaves)
     try:
-        return module.read_grids(str(path), with_leaves=with_leaves)
+        return extension().read_grids(str(path), with_leaves=with_leaves)
     except (RuntimeError, ValueError, KeyError, IndexError, MemoryError) as error:
         raise InputError(f"this .vdb file cannot be read: {error}", path=path) from error
 

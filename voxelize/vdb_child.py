@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -21,39 +20,67 @@ import numpy as np
 from weft.files.errors import InputError
 from weft.files.machine_memory import available_memory_bytes
 
-from .openvdb_library import extension
+from .openvdb_library import extension, refuse_missing_openvdb
 
 ARRAYS: dict[str, Any] = {"origins": np.dtype("<i4"), "masks": np.dtype("<u8"), "values": np.dtype("<f4")}
+READER = "weft.voxelize.vdb_reader"
 SLOWEST_BYTES_PER_SECOND = 2e6
 """A file that is read more slowly than this, after a minute of grace, is taken to hang."""
+
+
+class VdbReading:
+    """A child that reads a file while its parent does something else.
+
+    Begun when it is made; raises `InputError` where OpenVDB is missing or the file cannot be looked at.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        with_leaves: bool,
+        seconds: float | None = None,
+        memory_bytes: int | None = None,
+    ) -> None:
+        refuse_missing_openvdb()
+        self.path, memory = path, memory_bytes or available_memory_bytes()
+        self.seconds = seconds or 60.0 + path.stat().st_size / SLOWEST_BYTES_PER_SECOND
+        self.arrays = _memory_file()
+        place = str(self.arrays.fileno())
+        self.child = subprocess.Popen(
+            [sys.executable, "-P", "-m", READER, str(path), place, str(memory), str(int(with_leaves))],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            pass_fds=[self.arrays.fileno()],
+        )
+
+    def grids(self) -> list[dict[str, Any]]:
+        """As the extension's `read_grids`; `InputError` where the child fails or passes a limit."""
+        with self.arrays, self.child:
+            try:
+                text, complaint = self.child.communicate(timeout=self.seconds)
+            except subprocess.TimeoutExpired as error:
+                self.child.kill()
+                raise InputError(
+                    f"this .vdb file is damaged: reading it took over {self.seconds:g} s.", path=self.path
+                ) from error
+            except BaseException:
+                self.child.kill()
+                raise
+            if self.child.returncode != 0:
+                extension()  # says so where OpenVDB itself does not load
+                lines = complaint.decode(errors="replace").strip().splitlines()
+                reason = lines[-1] if lines else f"its reader ended with status {self.child.returncode}"
+                raise InputError(f"this .vdb file cannot be read: {reason}.", path=self.path)
+            return _load_arrays(json.loads(text), self.arrays)
 
 
 def read_in_child(
     path: Path, *, with_leaves: bool, seconds: float | None = None, memory_bytes: int | None = None
 ) -> list[dict[str, Any]]:
-    """What the extension's `read_grids` gives, or `InputError` where the child fails or passes a limit."""
-    memory = memory_bytes or available_memory_bytes()
-    limit = seconds or 60.0 + path.stat().st_size / SLOWEST_BYTES_PER_SECOND
-    with _memory_file() as arrays:
-        command = [sys.executable, "-P", "-m", __name__, str(path), str(arrays.fileno()), str(memory)]
-        try:
-            child = subprocess.run(
-                [*command, str(int(with_leaves))],
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                timeout=limit,
-                pass_fds=[arrays.fileno()],
-                check=False,
-            )
-        except subprocess.TimeoutExpired as error:
-            raise InputError(
-                f"this .vdb file is damaged: reading it took over {limit:g} s.", path=path
-            ) from error
-        if child.returncode != 0:
-            complaint = child.stderr.decode(errors="replace").strip().splitlines()
-            reason = complaint[-1] if complaint else f"its reader ended with status {child.returncode}"
-            raise InputError(f"this .vdb file cannot be read: {reason}.", path=path)
-        return _load_arrays(json.loads(child.stdout), arrays)
+    """The grids of a file, or `InputError` where the child fails or passes a limit."""
+    return VdbReading(path, with_leaves=with_leaves, seconds=seconds, memory_bytes=memory_bytes).grids()
 
 
 def _memory_file() -> IO[bytes]:
@@ -75,23 +102,3 @@ def _map_array(file: IO[bytes], dtype: Any, offset: int, shape: list[int]) -> np
     if not all(shape):
         return np.empty(shape, dtype)
     return np.memmap(file, dtype, "r+", offset=offset, shape=tuple(shape)).view(np.ndarray)
-
-
-def _main(path: str, arrays: int, memory: int, with_leaves: bool) -> int:
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # the output is for the JSON alone, whatever a library prints
-    output = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    try:
-        grids = extension().read_grids(path, with_leaves=with_leaves, arrays_file=arrays)
-        json.dump(grids, output)
-        output.close()
-    except Exception as error:
-        print(" ".join(str(error).split()) or type(error).__name__, file=sys.stderr)
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(_main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), bool(int(sys.argv[4]))))

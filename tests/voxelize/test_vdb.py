@@ -248,10 +248,24 @@ def test_a_reader_that_hangs_is_stopped(volume, tmp_path):
 
 
 @needs_openvdb
+def test_the_reading_process_loads_no_numpy():
+    """`weft render` waits for it, and numpy alone takes longer to load than OpenVDB."""
+    code = "import sys, weft.voxelize.vdb_reader; print('numpy' in sys.modules)"
+    command = [sys.executable, "-c", code]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+@needs_openvdb
+def test_a_volume_begun_early_is_the_volume(volume, tmp_path):
+    vdb.write_volume(tmp_path / "a.vdb", volume)
+    assert vdb.begin_volume(tmp_path / "a.vdb")().content_sha256 == volume.content_sha256
+
+
+@needs_openvdb
 def test_a_reader_that_wants_too_much_memory_is_stopped(make_grid, tmp_path):
     vdb.write_volume(tmp_path / "a.vdb", FiberVolume({"yarn": make_grid(0, 8000, fill=0.001)}))
     with pytest.raises(InputError, match="cannot be read"):
-        vdb_child.read_in_child(tmp_path / "a.vdb", with_leaves=True, memory_bytes=300 * 2**20)
+        vdb_child.read_in_child(tmp_path / "a.vdb", with_leaves=True, memory_bytes=200 * 2**20)
 
 
 WRITER = """
