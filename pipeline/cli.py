@@ -14,12 +14,9 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from cyclopts import CycloptsError
-
 from weft.files.errors import DeviceMemoryError, DiskSpaceError, InputError
 
-from .commands import lobes, looking, machine, shares, stages, view  # noqa: F401  each adds its commands to the app
-from .commands.app import app
+from .commands.plain import plain_stage
 from .stop_requests import Terminated, raise_for
 
 DONE, WRONG_INPUT, NO_SPACE, INTERRUPTED, TERMINATED = 0, 2, DiskSpaceError.exit_code, 130, 143
@@ -28,14 +25,26 @@ WATCHED = (["run"], ["render"])
 """Commands whose device may hang (watchdog.py)."""
 
 
+class WrongCommandLine(Exception):
+    """What cyclopts says of a command line that it does not understand."""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit: 0 done, 2 input, 3 merge refused, 4 device, 5 disk, 130/143 interrupted."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] in WATCHED and hasattr(os, "fork"):
         from .watchdog import watched
 
-        sys.exit(watched(given, exit_code))
-    sys.exit(exit_code(given))
+        sys.exit(watched(given, _at_work))
+    sys.exit(_at_work(given))
+
+
+def _at_work(arguments: Sequence[str]) -> int:
+    if arguments[:1] == ["render"]:
+        from weft.renderer.gpu.driver_ahead import load_driver_ahead
+
+        load_driver_ahead()
+    return exit_code(arguments)
 
 
 def exit_code(arguments: Sequence[str]) -> int:
@@ -47,7 +56,7 @@ def exit_code(arguments: Sequence[str]) -> int:
         from .messages import shown_paths
 
         return _complain(shown_paths(error), error.exit_code)
-    except CycloptsError as error:
+    except WrongCommandLine as error:
         return _complain(f"weft: {error} 'weft --help' lists the commands.", WRONG_INPUT)
     except KeyboardInterrupt as stop:
         return _complain(str(stop) or "weft: interrupted", INTERRUPTED)
@@ -67,7 +76,18 @@ def exit_code(arguments: Sequence[str]) -> int:
 
 
 def _command(arguments: Sequence[str]) -> Callable[[], Any]:
-    command, bound, _ = app.parse_args(list(arguments), exit_on_error=False, print_error=False)
+    plain = plain_stage(arguments)
+    if plain is not None:
+        return plain
+    from cyclopts import CycloptsError
+
+    from .commands import lobes, looking, machine, shares, stages, view  # noqa: F401  each adds its commands
+    from .commands.app import app
+
+    try:
+        command, bound, _ = app.parse_args(list(arguments), exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        raise WrongCommandLine(str(error)) from error
     return lambda: command(*bound.args, **bound.kwargs)
 
 

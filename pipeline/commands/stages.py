@@ -17,6 +17,7 @@ from .options import (
     JobOptions,
     RunOptions,
 )
+from .plain import run_stage
 from .render_options import (
     NO_CLUSTER_OPTIONS,
     NO_PICTURE_OPTIONS,
@@ -84,18 +85,15 @@ def run(
 def _run_stage(
     name: str, job: Path, options: JobOptions, how: RunOptions, sequence: FrameOptions = NO_FRAME_OPTIONS
 ) -> None:
-    from weft.pipeline.config import load
-    from weft.pipeline.progress import reporter
-    from weft.pipeline.run import run_one
-    from weft.pipeline.stages import CHAIN
-
-    run_one(
-        load(job, options.overrides, options.output, frame=sequence.frame),
-        CHAIN,
+    run_stage(
         name,
-        report=reporter(how.progress),
+        job,
+        options.overrides,
+        options.output,
         force=how.force,
         resume=how.resume,
+        progress=how.progress,
+        frame=sequence.frame,
     )
 
 
