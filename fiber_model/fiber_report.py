@@ -12,6 +12,7 @@ from weft.files.errors import InputError
 from .config import FibersConfig
 from .fiber_arrays import YarnPlan
 from .plies import PlyShape, fitted_outer_radius, scaled_plies
+from .yarns.groups import yarn_groups, yarns_of
 from .yarns.yarns import YarnSet
 
 NODE_LIMIT = 2**28
@@ -166,9 +167,13 @@ def refuse_empty_yarns(yarns: YarnSet) -> None:
 
 def refuse_too_many_nodes(yarns: YarnSet, segment_mm: float) -> None:
     """Before anything is allocated; the control polygon is about as long as the yarn."""
-    chords = np.linalg.norm(np.diff(yarns.points, axis=0), axis=1)
-    chords[yarns.offsets[1:-1] - 1] = 0.0  # from one yarn's end to the next one's beginning
-    nodes = float(chords.sum()) / segment_mm
+    chord = 0.0
+    for group in yarn_groups(yarns.point_counts):
+        points, ends = yarns_of(yarns, group).points, yarns.offsets[group.start + 1 : group.stop]
+        chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        chords[ends - yarns.offsets[group.start] - 1] = 0.0  # from one yarn's end to the next one's beginning
+        chord += float(chords.sum())
+    nodes = chord / segment_mm
     if not nodes <= NODE_LIMIT:
         raise InputError(
             f"fibers: segments of {segment_mm:.3g} mm cut the yarns into {nodes:.3g} pieces; "

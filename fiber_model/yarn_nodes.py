@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from .fiber_arrays import YarnPlan, build_nodes, plan_yarn
 from .split_launch import cpu_threads
 from .yarns.catmull_rom import norm
 from .yarns.frames import MIN_INTERVALS, build_frames
+from .yarns.groups import yarn_groups, yarns_of
 from .yarns.yarns import YarnSet
 
 GROUP_NODES = 1 << 17
@@ -56,7 +57,7 @@ def lay_nodes(
     def lay(group: range) -> tuple[list[YarnPlan], np.ndarray]:
         return _lay_group(configs, yarns, group, segment_mm, seed, dtype)
 
-    for own_plans, own_nodes in _in_order(lay, _groups(most)):
+    for own_plans, own_nodes in _in_order(lay, yarn_groups(most, GROUP_NODES)):
         nodes[filled : filled + len(own_nodes)] = own_nodes
         plans += own_plans
         filled += len(own_nodes)
@@ -67,7 +68,14 @@ def lay_nodes(
 
 
 def most_nodes(yarns: YarnSet, segment_mm: float) -> np.ndarray:
-    """No yarn has more nodes than this, int64, shape [yarn_count].
+    """No yarn has more nodes than this, int64, shape [yarn_count]."""
+    groups = yarn_groups(yarns.point_counts)
+    length = np.concatenate([_longest(yarns_of(yarns, group)) for group in groups])
+    return np.maximum(np.ceil(length / segment_mm * (1 + 1e-9)), MIN_INTERVALS).astype(np.int64) + 1
+
+
+def _longest(yarns: YarnSet) -> np.ndarray:
+    """Upper bound of the length of each yarn [mm], shape [yarn_count].
 
     A curve is no longer than its Bezier polygon: P1, P1 + (P2 - P0) / 6, P2 - (P3 - P1) / 6, P2.
     """
@@ -81,19 +89,7 @@ def most_nodes(yarns: YarnSet, segment_mm: float) -> np.ndarray:
     middle = points[ahead] - points - handle - handle[ahead]
     polygon = norm(handle) + norm(middle) + norm(handle[ahead])
     polygon[last[~closed]] = 0.0
-    length = np.add.reduceat(polygon, first)
-    return np.maximum(np.ceil(length / segment_mm * (1 + 1e-9)), MIN_INTERVALS).astype(np.int64) + 1
-
-
-def _groups(most: np.ndarray) -> Iterator[range]:
-    """Consecutive yarns with about `GROUP_NODES` nodes together."""
-    begin, nodes = 0, 0
-    for yarn, count in enumerate(most.tolist()):
-        if nodes and nodes + count > GROUP_NODES:
-            yield range(begin, yarn)
-            begin, nodes = yarn, 0
-        nodes += count
-    yield range(begin, len(most))
+    return np.add.reduceat(polygon, first)
 
 
 def _in_order(
@@ -119,7 +115,7 @@ def _lay_group(
     seed: int,
     dtype: np.dtype,
 ) -> tuple[list[YarnPlan], np.ndarray]:
-    frames = build_frames(_part(yarns, group), max_step_mm=segment_mm)
+    frames = build_frames(yarns_of(yarns, group), max_step_mm=segment_mm)
     plans = [
         plan_yarn(
             configs[yarn], float(yarns.radius[yarn]), float(length), int(intervals), closed=bool(closed)
@@ -129,21 +125,3 @@ def _lay_group(
         )
     ]
     return plans, build_nodes(plans, frames, seed, dtype, first_yarn=group.start)
-
-
-def _part(yarns: YarnSet, group: range) -> YarnSet:
-    """Some consecutive yarns of a set."""
-    first, last = yarns.offsets[group.start], yarns.offsets[group.stop]
-    own = slice(group.start, group.stop)
-    return replace(
-        yarns,
-        points=yarns.points[first:last],
-        offsets=yarns.offsets[group.start : group.stop + 1] - first,
-        closed=yarns.closed[own],
-        radius=yarns.radius[own],
-        yarn_type=yarns.yarn_type[own],
-        twist=None if yarns.twist is None else yarns.twist[first:last],
-        surface_uv=None,
-        row=None,
-        report=None,
-    )

@@ -64,6 +64,7 @@ def _weave(config: WeaveConfig, progress: Progress | None) -> YarnSet:
         warp_radius_mm=config.warp_radius_mm,
         weft_radius_mm=config.weft_radius_mm,
         warp_crimp=config.warp_crimp,
+        points_per_crossing=config.points_per_crossing,
         type_names=tuple(config.type_names),
         progress=progress,
     )

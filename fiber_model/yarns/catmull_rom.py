@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .groups import yarn_groups, yarns_of
 from .yarns import YarnSet
 
 PIECES = 8
@@ -23,7 +24,8 @@ _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(4)
 
 def yarn_lengths(yarns: YarnSet) -> np.ndarray:
     """Arc length of each centerline [mm], float64, shape [yarn_count]."""
-    return CatmullRom.through(yarns).lengths()
+    groups = yarn_groups(yarns.point_counts)
+    return np.concatenate([CatmullRom.through(yarns_of(yarns, group)).lengths() for group in groups])
 
 
 @dataclass(frozen=True)
@@ -42,23 +44,7 @@ class CatmullRom:
         segment_counts = np.where(yarns.closed, counts, counts - 1)
         offsets = np.concatenate([[0], np.cumsum(segment_counts)])
         yarn = np.repeat(np.arange(yarns.yarn_count), segment_counts)
-        local = np.arange(offsets[-1]) - offsets[yarn]
-        first, count, closed = yarns.offsets[yarn], counts[yarn], yarns.closed[yarn]
-
-        def neighbor(step: int) -> np.ndarray:
-            wrapped = (local + step) % count
-            return yarns.points[first + np.where(closed, wrapped, np.clip(local + step, 0, count - 1))]
-
-        p0, p1, p2, p3 = (neighbor(step) for step in (-1, 0, 1, 2))
-        at_start = ~closed & (local == 0)
-        at_end = ~closed & (local == count - 2)
-        p0[at_start] = 2 * p1[at_start] - p2[at_start]
-        p3[at_end] = 2 * p2[at_end] - p1[at_end]
-        coefficients = np.stack(
-            [p1, 0.5 * (p2 - p0), p0 - 2.5 * p1 + 2 * p2 - 0.5 * p3, 0.5 * (3 * p1 - p0 - 3 * p2 + p3)],
-            axis=1,
-        )
-        return cls(coefficients, offsets)
+        return cls(segment_coefficients(yarns, yarn, np.arange(offsets[-1]) - offsets[yarn]), offsets)
 
     def position(self, segment: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Point [mm] at parameter u of each named segment, shape [n, 3]."""
@@ -145,6 +131,24 @@ class CatmullRom:
             step = u - _divide(error, _speed(squares, u))
             u = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
         return u
+
+
+def segment_coefficients(yarns: YarnSet, yarn: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """Polynomials [mm] of segments, given by yarn and number within it, float64, shape [n, 4, 3]."""
+    first, count, closed = yarns.offsets[yarn], yarns.point_counts[yarn], yarns.closed[yarn]
+
+    def neighbor(step: int) -> np.ndarray:
+        wrapped = (local + step) % count
+        return yarns.points[first + np.where(closed, wrapped, np.clip(local + step, 0, count - 1))]
+
+    p0, p1, p2, p3 = (neighbor(step) for step in (-1, 0, 1, 2))
+    at_start = ~closed & (local == 0)
+    at_end = ~closed & (local == count - 2)
+    p0[at_start] = 2 * p1[at_start] - p2[at_start]
+    p3[at_end] = 2 * p2[at_end] - p1[at_end]
+    return np.stack(
+        [p1, 0.5 * (p2 - p0), p0 - 2.5 * p1 + 2 * p2 - 0.5 * p3, 0.5 * (3 * p1 - p0 - 3 * p2 + p3)], axis=1
+    )
 
 
 def _speed(squares: np.ndarray, u: np.ndarray | float) -> np.ndarray:

@@ -14,6 +14,8 @@ from .garments.surface_config import SurfaceConfig
 
 Positive = Annotated[float, Field(gt=0, le=1e7, allow_inf_nan=False)]
 Size = tuple[Positive, Positive]
+Coordinate = Annotated[float, Field(ge=-1e7, le=1e7, allow_inf_nan=False)]
+Corner = tuple[Coordinate, Coordinate, Coordinate]
 TypeName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
 DraftName = Literal[
     "plain",
@@ -154,6 +156,8 @@ class WeaveConfig(_Config):
     """Radius of the weft yarns."""
     warp_crimp: Annotated[float, Field(ge=0, le=1)] | None = None
     """The warp's share of the crimp; by default the possible share nearest to a half."""
+    points_per_crossing: Annotated[int, Field(ge=4, le=64, multiple_of=2)] = 16
+    """Control points of a yarn from one crossing to the next. Four take a quarter of the memory of 16."""
     type_names: Annotated[list[TypeName], Field(min_length=1, max_length=2)] = ["yarn"]
     """One yarn type for both systems, or two: warp and weft, which can then differ in fiber and color."""
 
@@ -264,6 +268,16 @@ class GarmentConfig(_Config):
     """Yarns that meet in line at a seam go on as one; otherwise all end there."""
     hem_mm: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] = 0.0
     """Depth of overcast stitches around free borders and over seams where yarns end; 0 leaves them bare."""
+    region_mm: tuple[Corner, Corner] | None = None
+    """For close-ups: only cloth in and a little beyond this box, [[x0, y0, z0], [x1, y1, z1]], is laid.
+    Stripes stay where they are; random numbers go by the yarns that are left, so fibers differ."""
+
+    @model_validator(mode="after")
+    def _region_has_volume(self) -> Self:
+        region = self.region_mm
+        if region is not None and not all(low < high for low, high in zip(*region, strict=True)):
+            raise ValueError("the first corner of 'region_mm' must lie below the second on every axis")
+        return self
 
 
 YarnsConfig = Annotated[

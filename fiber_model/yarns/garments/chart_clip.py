@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from weft.fiber_model.yarns.catmull_rom import CatmullRom
+from weft.fiber_model.yarns.catmull_rom import CatmullRom, segment_coefficients
 from weft.fiber_model.yarns.fabrics.cut import MERGE, MIN_PIECE_RADII
 from weft.fiber_model.yarns.yarns import MIN_POINTS, YarnSet
 
@@ -55,9 +55,8 @@ def clip_to_chart(yarns: YarnSet, lookup: ChartLookup, *, least_piece_mm: float)
     triangle, weights = lookup.locate(yarns.points[:, :2])
     runs = _runs(yarns, triangle >= 0)
     runs = runs[_large_enough(yarns, runs, least_piece_mm)]
-    curves = CatmullRom.through(yarns)
-    begin = _crossings(yarns, curves, lookup, runs, 0)
-    end = _crossings(yarns, curves, lookup, runs, 1)
+    begin = _crossings(yarns, lookup, runs, 0)
+    end = _crossings(yarns, lookup, runs, 1)
     return _assembled(yarns, lookup, runs, (begin, end), triangle, weights)
 
 
@@ -81,9 +80,7 @@ def _large_enough(yarns: YarnSet, runs: _Runs, least_piece_mm: float) -> np.ndar
     return large | ~runs.is_cut.any(axis=1)
 
 
-def _crossings(
-    yarns: YarnSet, curves: CatmullRom, lookup: ChartLookup, runs: _Runs, side: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _crossings(yarns: YarnSet, lookup: ChartLookup, runs: _Runs, side: int) -> tuple[np.ndarray, np.ndarray]:
     """Where runs leave the chart: the point [mm], and its distance in chords from the run's last inner point.
 
     Rows of runs that are not cut on this side mean nothing.
@@ -91,7 +88,9 @@ def _crossings(
     run = np.flatnonzero(runs.is_cut[:, side])
     point = (runs.first, runs.last)[side][run] - (1 - side)
     yarn = runs.yarn[run]
-    segment = curves.offsets[yarn] + point - yarns.offsets[yarn]
+    segment = np.arange(len(run))
+    coefficients = segment_coefficients(yarns, yarn, point - yarns.offsets[yarn])
+    curves = CatmullRom(coefficients, np.array([0, len(run)]))
     inner, outer = np.full(len(run), 1.0 - side), np.full(len(run), float(side))
     for _ in range(BISECTIONS):
         middle = 0.5 * (inner + outer)

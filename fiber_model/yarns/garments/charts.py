@@ -43,6 +43,13 @@ class Chart:
         factor = np.where(step > 0, repeats * period_mm / np.where(step > 0, step, 1.0), 1.0)
         return replace(self, flat=self.flat * factor, seam_step=self.seam_step * factor)
 
+    def within(self, mesh: SurfaceMesh, box_mm: np.ndarray) -> Chart:
+        """Only the triangles whose bounding boxes meet `box_mm`, shape [2, 3]."""
+        corners = mesh.vertices[mesh.faces[self.faces]]
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        kept = ((low <= box_mm[1]) & (high >= box_mm[0])).all(axis=1)
+        return replace(self, faces=self.faces[kept], flat=self.flat[kept], uv=self.uv[kept])
+
 
 def build_charts(
     mesh: SurfaceMesh,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from weft.fiber_model.yarns.config import (
     TilePattern,
     WeavePattern,
 )
+from weft.fiber_model.yarns.fabrics.drafts import draft_matrix
 from weft.fiber_model.yarns.fabrics.knit import COURSE_PER_WALE
-from weft.fiber_model.yarns.fabrics.weave import draft_matrix
+from weft.fiber_model.yarns.fabrics.weave import weave_parts
 from weft.fiber_model.yarns.formats.pyp import read_pyp
 from weft.fiber_model.yarns.yarns import YarnSet
 from weft.files.errors import InputError
@@ -47,6 +48,7 @@ def garment_yarns(
             offset_mm=config.offset_mm,
             join_seams=config.join_seams,
             hem_mm=config.hem_mm,
+            region_mm=None if config.region_mm is None else np.array(config.region_mm),
             progress=progress,
         )
     except InputError as error:
@@ -87,6 +89,14 @@ def _mesh_from_file(config: MeshConfig) -> tuple[SurfaceMesh, bool]:
     return mesh, False
 
 
+def _weave_parts(
+    config: WeavePattern,
+) -> Callable[[tuple[float, float], np.ndarray | None], Iterator[YarnSet]]:
+    options = config.model_dump(exclude={"kind", "size_mm", "type_names"})
+    names = tuple(config.type_names)
+    return lambda size, within: weave_parts(size, type_names=names, within=within, **options)
+
+
 def flat_pattern(config: Pattern, make_flat: Callable[[Pattern], YarnSet]) -> FlatPattern:
     """The pattern as a function of its size, with its period and the loose arcs that may come of cutting."""
 
@@ -101,7 +111,8 @@ def flat_pattern(config: Pattern, make_flat: Callable[[Pattern], YarnSet]) -> Fl
             return FlatPattern(np.array([width, course]), make, least_piece_mm=width)
         case WeavePattern():
             rows, columns = draft_matrix(config.draft).shape
-            return FlatPattern(10 * np.array([columns / config.warp_per_cm, rows / config.weft_per_cm]), make)
+            period = 10 * np.array([columns / config.warp_per_cm, rows / config.weft_per_cm])
+            return FlatPattern(period, make, make_parts=_weave_parts(config))
         case TilePattern():
             period = read_pyp(config.tile, scale_to_mm=config.scale_to_mm).period
             return FlatPattern(period, make, least_piece_mm=float(period.max()))

@@ -15,8 +15,7 @@ from .charts import Chart, jacobians
 from .surface_mesh import SurfaceMesh, double_areas
 
 if TYPE_CHECKING:
-    from .on_mesh import Laid
-    from .seams import Joined
+    from .on_mesh import LaidSummary
 
 STRETCH_NOTED = (0.7, 1.4)
 """Stretch beyond which cloth shows gaps or crowds, and a warning says so."""
@@ -55,7 +54,7 @@ class GarmentReport:
 
 
 def report_garment(
-    mesh: SurfaceMesh, charts: Sequence[Chart], yarns: YarnSet, laid: Laid, joined: Joined
+    mesh: SurfaceMesh, charts: Sequence[Chart], yarns: YarnSet, laid: LaidSummary
 ) -> GarmentReport:
     """Sum up; `charts` as they were laid, after they were fitted to the pattern."""
     faces = np.concatenate([chart.faces for chart in charts])
@@ -78,8 +77,8 @@ def report_garment(
         stretch_middle=most_of_it,
         chart_count=len(charts),
         loop_count=int(yarns.closed.sum()),
-        joint_count=joined.joint_count,
-        open_end_count=joined.open_end_count,
+        joint_count=laid.joint_count,
+        open_end_count=laid.open_end_count,
         warnings=tuple(_warnings(most_of_it, mesh.area, float(area.sum()))),
     )
 

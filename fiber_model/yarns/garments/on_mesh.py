@@ -6,7 +6,7 @@ a seam, end to end and in line, become one yarn again; a course around a tube be
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,17 +45,28 @@ class FlatPattern:
     """Yarns of a rectangle of whole periods around the origin."""
     least_piece_mm: float = 0.0
     """Pieces whose cut ends lie nearer to each other than this are loose arcs of slit loops and fall off."""
+    make_parts: Callable[[tuple[float, float], np.ndarray | None], Iterator[YarnSet]] | None = None
+    """The same yarns in the same order, a few at a time, with rows; only those between the sides of a
+    rectangle [mm], shape [2, 2], where one is given. None: they can only be made at once."""
 
-    def over(self, bounds: np.ndarray) -> YarnSet:
-        """Yarns that cover the rectangle `bounds` [mm], shape [2, 2]; periods count from its lower left."""
+    def parts(self, bounds: np.ndarray, wanted: np.ndarray | None = None) -> Iterator[YarnSet]:
+        """Yarns that cover the rectangle `bounds` [mm], shape [2, 2]; periods count from its lower left.
+
+        A few at a time where the pattern can; yarns beside the rectangle `wanted` may be left out.
+        """
         if not self.period_mm.all():
-            yarns, corner, size = self.make((0.0, 0.0)), bounds[0], bounds[1] - bounds[0]
+            yarns, middle = self.make((0.0, 0.0)), 0.5 * (bounds[0] + bounds[1])
             low, high = yarns.points[:, :2].min(axis=0), yarns.points[:, :2].max(axis=0)
-            return _moved(yarns, corner + 0.5 * size - 0.5 * (low + high))
+            yield _moved(_numbered(yarns), middle - 0.5 * (low + high))
+            return
         periods = np.ceil((bounds[1] - bounds[0]) / self.period_mm - 1e-6) + 2 * MARGIN
-        size = periods * self.period_mm
-        corner = bounds[0] - MARGIN * self.period_mm
-        return _moved(self.make((float(size[0]), float(size[1]))), corner + 0.5 * size)
+        size = (float(periods[0] * self.period_mm[0]), float(periods[1] * self.period_mm[1]))
+        middle = bounds[0] - MARGIN * self.period_mm + 0.5 * np.array(size)
+        if self.make_parts is None:
+            yield _moved(_numbered(self.make(size)), middle)
+            return
+        for part in self.make_parts(size, None if wanted is None else wanted - middle):
+            yield _moved(part, middle)
 
 
 def lay_on_mesh(
@@ -66,31 +77,60 @@ def lay_on_mesh(
     offset_mm: float = 0.0,
     join_seams: bool = True,
     hem_mm: float = 0.0,
+    region_mm: np.ndarray | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> YarnSet:
     """Cover every chart with `pattern`, `offset_mm` outside of the surface; the result carries a report.
 
     With `hem_mm` stitches of that depth run around each free border, and over each seam where yarns end,
-    in the first yarn of the pattern.
+    in the first yarn of the pattern. With a box `region_mm`, shape [2, 3], only
+    triangles within two periods of it are covered.
     """
-    normals = mesh.vertex_normals()
-    fitted, parts = [], []
-    for number, chart in enumerate(charts):
-        if pattern.period_mm.all():
-            chart = chart.fitted(pattern.period_mm)
-        fitted.append(chart)
-        flat = pattern.over(chart.bounds)
-        pieces = clip_to_chart(flat, ChartLookup(chart.flat), least_piece_mm=pattern.least_piece_mm)
-        if len(pieces.yarn):
-            parts.append(_laid(mesh, normals, chart, pieces, flat, offset_mm))
+    fitted = [chart.fitted(pattern.period_mm) if pattern.period_mm.all() else chart for chart in charts]
+    seen = fitted
+    if region_mm is not None:
+        reach = abs(offset_mm) + MARGIN * float(pattern.period_mm.max())
+        seen = [chart.within(mesh, region_mm + np.array([[-reach], [reach]])) for chart in fitted]
+    parts = []
+    for number, (chart, part) in enumerate(zip(fitted, seen, strict=True)):
+        if len(part.faces):
+            parts += _cover(mesh, chart.bounds, part, pattern, offset_mm)
             refuse_too_many_points(sum(len(part.points) for part in parts), "the garment")
         if progress is not None:
             progress(0.9 * (number + 1) / len(charts), f"chart {number + 1} of {len(charts)}")
     if not parts:
-        raise InputError("no yarn of the pattern fits on the mesh; its charts are smaller than the pattern")
-    laid = Laid.joined(parts)
-    joined = join_pieces(laid, reach=1.0 if join_seams else 0.0)
+        raise InputError(_nothing_fits(region_mm))
+    yarns, summary = _whole_yarns(parts, join_seams)
+    if hem_mm > 0:
+        yarns = _hemmed(mesh, yarns, summary, hem_mm, offset_mm, region_mm)
+    return replace(yarns, report=report_garment(mesh, fitted, yarns, summary))
+
+
+def _cover(
+    mesh: SurfaceMesh, bounds: np.ndarray, chart: Chart, pattern: FlatPattern, offset_mm: float
+) -> list[Laid]:
+    """The pieces of one chart, from yarns made and cut a few at a time; `bounds` are of all its cloth."""
+    lookup, normals, parts = ChartLookup(chart.flat), mesh.vertex_normals(), []
+    for flat in pattern.parts(bounds, chart.bounds):
+        pieces = clip_to_chart(flat, lookup, least_piece_mm=pattern.least_piece_mm)
+        if len(pieces.yarn):
+            parts.append(_laid(mesh, normals, chart, pieces, flat, offset_mm))
+            refuse_too_many_points(sum(len(part.points) for part in parts), "the garment")
+    return parts
+
+
+def _nothing_fits(region_mm: np.ndarray | None) -> str:
+    if region_mm is not None:
+        return "yarns.region_mm: no cloth lies in it"
+    return "no yarn of the pattern fits on the mesh; its charts are smaller than the pattern"
+
+
+def _whole_yarns(parts: list[Laid], join_seams: bool) -> tuple[YarnSet, LaidSummary]:
+    """The yarns that the pieces make, end to end. Empties `parts`, which take as much memory as they."""
     names = tuple(dict.fromkeys(name for part in parts for name in part.type_names))
+    laid = Laid.joined(parts)
+    parts.clear()
+    joined = join_pieces(laid, reach=1.0 if join_seams else 0.0)
     yarns = YarnSet.checked(
         joined.curves,
         closed=joined.closed,
@@ -99,10 +139,28 @@ def lay_on_mesh(
         type_names=names,
         surface_uv=joined.uv,
     )
-    yarns = replace(yarns, row=laid.row[joined.first_piece])
-    if hem_mm > 0:
-        yarns = _hemmed(mesh, yarns, laid, hem_mm, offset_mm)
-    return replace(yarns, report=report_garment(mesh, fitted, yarns, laid, joined))
+    summary = LaidSummary(
+        laid.chord_length_mm,
+        laid.half_thickness_mm,
+        joined.joint_count,
+        joined.open_end_count,
+        stitching_radius_mm=float(laid.radius[0]),
+        stitching_type=laid.type_names[laid.yarn_type[0]],
+    )
+    return replace(yarns, row=laid.row[joined.first_piece]), summary
+
+
+@dataclass(frozen=True)
+class LaidSummary:
+    """What stays known of the pieces when they have become yarns."""
+
+    chord_length_mm: tuple[float, float]
+    half_thickness_mm: float
+    joint_count: int
+    open_end_count: int
+    stitching_radius_mm: float
+    """Radius of the pattern's first yarn, with which hems are sewn."""
+    stitching_type: str
 
 
 @dataclass(frozen=True)
@@ -186,6 +244,7 @@ def _laid(
         place, normal = surface_points(mesh, normals, chart.faces[triangle], weights)
         points[part] = place + (pieces.points[part, 2:] + offset_mm) * normal
         uv[part] = (chart.uv[triangle] * weights[..., None]).sum(axis=1)
+    assert flat.row is not None
     return Laid(
         points=points,
         uv=uv,
@@ -194,7 +253,7 @@ def _laid(
         closed=flat.closed[pieces.yarn],
         radius=flat.radius[pieces.yarn],
         yarn_type=flat.yarn_type[pieces.yarn],
-        row=rows_within_types(flat.yarn_type)[pieces.yarn],
+        row=flat.row[pieces.yarn],
         type_names=flat.type_names,
         chord_length_mm=(
             _chord_length(pieces.points, pieces.offsets),
@@ -211,14 +270,35 @@ def _chord_length(points: np.ndarray, offsets: np.ndarray) -> float:
     return float(chords.sum())
 
 
-def _hemmed(mesh: SurfaceMesh, yarns: YarnSet, laid: Laid, depth_mm: float, offset_mm: float) -> YarnSet:
-    stitches = Stitches(depth_mm, laid.half_thickness_mm, float(laid.radius[0]), offset_mm)
-    name = laid.type_names[laid.yarn_type[0]]
+def _hemmed(
+    mesh: SurfaceMesh,
+    yarns: YarnSet,
+    summary: LaidSummary,
+    depth_mm: float,
+    offset_mm: float,
+    region_mm: np.ndarray | None,
+) -> YarnSet:
+    """With the stitches that reach the region."""
+    stitches = Stitches(depth_mm, summary.half_thickness_mm, summary.stitching_radius_mm, offset_mm)
     first, last = yarns.offsets[:-1][~yarns.closed], yarns.offsets[1:][~yarns.closed] - 1
     open_ends = yarns.points[np.concatenate([first, last])]
-    hem = hem_yarns(mesh, stitches, type_name=name)
-    seam = seam_yarns(mesh, open_ends, stitches, type_name=name)
-    return concatenate([yarns, *(part for part in (hem, seam) if part is not None)])
+    made = [
+        hem_yarns(mesh, stitches, type_name=summary.stitching_type),
+        seam_yarns(mesh, open_ends, stitches, type_name=summary.stitching_type),
+    ]
+    return concatenate([yarns, *(part for part in made if part is not None and _reaches(part, region_mm))])
+
+
+def _reaches(yarns: YarnSet, region_mm: np.ndarray | None) -> bool:
+    """Whether any control point lies in the region."""
+    if region_mm is None:
+        return True
+    return bool(((yarns.points >= region_mm[0]) & (yarns.points <= region_mm[1])).all(axis=1).any())
+
+
+def _numbered(yarns: YarnSet) -> YarnSet:
+    """The same yarns with their numbers among those of their type."""
+    return replace(yarns, row=rows_within_types(yarns.yarn_type))
 
 
 def _moved(yarns: YarnSet, by: np.ndarray) -> YarnSet:

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from tests.fiber_model.yarns.distances import clearance
+from weft.fiber_model.yarns.catmull_rom import CatmullRom
+from weft.fiber_model.yarns.fabrics import weave as weave_module
 from weft.fiber_model.yarns.fabrics.drafts import NAMED_DRAFTS
-from weft.fiber_model.yarns.fabrics.weave import weave_yarns
+from weft.fiber_model.yarns.fabrics.weave import weave_parts, weave_yarns
+from weft.fiber_model.yarns.yarns import concatenate, rows_within_types
 from weft.files.errors import InputError
 
 
@@ -100,3 +103,53 @@ def test_impossible_cloth_is_refused(options, message):
 
 def test_stated_limit_can_be_woven():
     assert clearance(weave("plain", 24, 12.6)) > 0.99
+
+
+PLAIN = {
+    "draft": "herringbone_2_2",
+    "warp_per_cm": 12.0,
+    "weft_per_cm": 9.0,
+    "warp_radius_mm": 0.2,
+    "weft_radius_mm": 0.25,
+}
+
+
+@pytest.mark.parametrize("names", [("yarn",), ("warp", "weft")])
+def test_parts_are_the_whole_weave(monkeypatch, names):
+    """Bit by bit and in the same order, with the rows that yarns have in the whole."""
+    monkeypatch.setattr(weave_module, "GROUP_POINTS", 1500)
+    parts = list(weave_parts((20.0, 15.0), type_names=names, **PLAIN))
+    whole = weave_yarns((20.0, 15.0), type_names=names, **PLAIN)
+    joined = concatenate(parts)
+    assert len(parts) > 6
+    for name in ("points", "offsets", "radius", "yarn_type"):
+        assert np.array_equal(getattr(joined, name), getattr(whole, name))
+    assert np.array_equal(joined.row, rows_within_types(whole.yarn_type))
+
+
+def test_parts_within_a_rectangle_are_yarns_of_the_whole():
+    wanted = np.array([[-3.0, 1.0], [2.0, 4.0]])
+    some = concatenate(list(weave_parts((20.0, 15.0), type_names=("warp", "weft"), within=wanted, **PLAIN)))
+    whole = weave_yarns((20.0, 15.0), type_names=("warp", "weft"), **PLAIN)
+    rows = rows_within_types(whole.yarn_type)
+    assert [int((some.yarn_type == kind).sum()) for kind in (0, 1)] == [6, 3]
+    for yarn in range(some.yarn_count):
+        same = np.flatnonzero((whole.yarn_type == some.yarn_type[yarn]) & (rows == some.row[yarn]))
+        assert np.array_equal(some.yarn(yarn), whole.yarn(int(same[0])))
+
+
+@pytest.mark.parametrize(("count", "part"), [(4, 0.045), (6, 0.02), (8, 0.011), (16, 0.003)])
+def test_fewer_points_keep_the_curve(count, part):
+    """As a part of the yarn's radius, in the densest square plain weave of these yarns."""
+    from scipy.spatial import cKDTree
+
+    dense = {"draft": "plain", "warp_per_cm": 14.0, "weft_per_cm": 14.0}
+    dense |= {"warp_radius_mm": 0.206, "weft_radius_mm": 0.206}
+
+    def places(points, each):
+        curves = CatmullRom.through(weave_yarns((5.0, 5.0), points_per_crossing=points, **dense))
+        segment = np.repeat(np.arange(len(curves.coefficients)), each)
+        return curves.position(segment, np.tile(np.arange(each) / each, len(curves.coefficients)))
+
+    distance = cKDTree(places(64, 16)).query(places(count, 8))[0]
+    assert 0.3 * part < distance.max() / 0.206 < part

@@ -5,8 +5,9 @@ import pytest
 
 from tests.fiber_model.yarns.garments.meshes import cylinder, mapped, plane
 from weft.fiber_model.yarns.catmull_rom import yarn_lengths
+from weft.fiber_model.yarns.fabrics import weave as weave_module
 from weft.fiber_model.yarns.fabrics.knit import knit_yarns
-from weft.fiber_model.yarns.fabrics.weave import weave_yarns
+from weft.fiber_model.yarns.fabrics.weave import weave_parts, weave_yarns
 from weft.fiber_model.yarns.garments.charts import build_charts
 from weft.fiber_model.yarns.garments.garment_shapes import scarf_mesh, sleeve_mesh
 from weft.fiber_model.yarns.garments.on_mesh import FlatPattern, lay_on_mesh
@@ -277,3 +278,71 @@ def test_charts_too_small_for_the_pattern_are_refused():
     mesh = plane(1.0, 1.0)
     with pytest.raises(InputError, match="no yarn of the pattern fits"):
         lay(mesh, KNIT)
+
+
+OPEN_WEAVE = {
+    "draft": "plain",
+    "warp_per_cm": 10,
+    "weft_per_cm": 10,
+    "warp_radius_mm": 0.2,
+    "weft_radius_mm": 0.2,
+    "type_names": ("warp", "weft"),
+}
+
+
+def woven(in_parts):
+    def parts(size, within):
+        return weave_parts(size, within=within, **OPEN_WEAVE)
+
+    return FlatPattern(
+        np.array([2.0, 2.0]),
+        lambda size: weave_yarns(size, **OPEN_WEAVE),
+        make_parts=parts if in_parts else None,
+    )
+
+
+def test_cloth_made_in_parts_is_the_same(monkeypatch):
+    monkeypatch.setattr(weave_module, "GROUP_POINTS", 5000)
+    mesh = sleeve_mesh(length_mm=60.0, cuff_girth_mm=60.0, top_girth_mm=80.0, fold_depth_mm=4.0, step_mm=2.0)
+    whole, parts = (lay(mesh, woven(in_parts), hem_mm=2.0) for in_parts in (False, True))
+    for name in ("points", "offsets", "closed", "radius", "yarn_type", "surface_uv", "row"):
+        assert np.array_equal(getattr(whole, name), getattr(parts, name))
+    assert parts.report.joint_count == whole.report.joint_count > 0
+
+
+def test_a_region_holds_the_same_cloth():
+    """Points inside are those of the whole, bit by bit, in yarns of the same rows; little lies beyond."""
+    mesh = plane(80.0, 80.0)
+    region = np.array([[28.0, 28.0, -5.0], [52.0, 52.0, 5.0]])
+    whole, part = lay(mesh, woven(True)), lay(mesh, woven(True), region_mm=region)
+
+    def inside(yarns):
+        kept = ((yarns.points >= region[0]) & (yarns.points <= region[1])).all(axis=1)
+        yarn = np.repeat(np.arange(yarns.yarn_count), yarns.point_counts)[kept]
+        return {
+            (*point, yarns.yarn_type[y], yarns.row[y])
+            for point, y in zip(yarns.points[kept], yarn, strict=True)
+        }
+
+    assert inside(part) == inside(whole)
+    assert len(inside(part)) > 10_000
+    assert part.point_count < 0.5 * whole.point_count
+
+
+def test_a_region_without_cloth_is_refused():
+    region = np.array([[900.0, 0.0, 0.0], [901.0, 1.0, 1.0]])
+    with pytest.raises(InputError, match=r"region_mm: no cloth lies in it"):
+        lay(plane(), woven(True), region_mm=region)
+
+
+def test_laying_takes_little_more_than_its_yarns():
+    """Bytes per control point at the worst moment; 260 where all of it is made at once."""
+    import tracemalloc
+
+    mesh = plane(150.0, 150.0)
+    tracemalloc.start()
+    yarns = lay(mesh, woven(True), hem_mm=2.0)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert yarns.point_count > 500_000
+    assert peak / yarns.point_count < 150
