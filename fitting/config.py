@@ -10,6 +10,7 @@ from weft.fiber_model.scattering.config import AzimuthalTable
 from weft.fiber_model.scattering.parameters import TABLES, Table, check_tables
 from weft.files.errors import InputError
 from weft.files.input_file import InputFile
+from weft.files.when_met import ByKind
 
 WIDTHS = (
     "longitudinal_width_r_deg",
@@ -58,7 +59,7 @@ def _one_or_more(value: Any) -> Any:
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 class ParameterConfig(_Table):
@@ -108,7 +109,7 @@ class UniformNoise(_Table):
     kind: Literal["uniform"] = "uniform"
 
 
-Noise = Annotated[StatedNoise | RelativeNoise | UniformNoise, Field(discriminator="kind")]
+Noise = Annotated[StatedNoise | RelativeNoise | UniformNoise, ByKind()]
 Range = tuple[float, float]
 Reach = Annotated[float, Field(gt=0, le=180)]
 

@@ -40,6 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _at_work(arguments: Sequence[str]) -> int:
+    # else pydantic looks through all that is installed for plugins, and would run them
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     if arguments[:1] == ["render"]:
         from weft.renderer.gpu.driver_ahead import load_driver_ahead
 

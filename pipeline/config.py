@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from weft.fiber_model.config import FibersConfig
 from weft.fiber_model.yarns.config import YarnsConfig
 from weft.files.input_file import InputFile, OutputPath
+from weft.files.when_met import WhenMet
 from weft.fitting.config import FitConfig
 from weft.renderer.config import Camera, RenderConfig
 from weft.voxelize.config import ForeignVolumeConfig, VoxelizeConfig
@@ -26,7 +27,7 @@ Corner = tuple[float, float, float]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 class Turntable(_Table):
@@ -54,11 +55,11 @@ class RenderTable(RenderConfig):
 
     volume: InputFile | None = None
     """A .vdb or .nvdb file to render in place of the one that [voxelize] makes."""
-    foreign: ForeignVolumeConfig | None = None
+    foreign: Annotated[ForeignVolumeConfig, WhenMet()] | None = None
     """How to read `volume` where it is a .vdb file that another program wrote, such as Houdini or Blender."""
     cameras: tuple[Camera, ...] = Field(default=(), max_length=256)
     """Several pictures in place of one: cameras with names, whose pictures are JOB.NAME.exr."""
-    turntable: Turntable | None = None
+    turntable: Annotated[Turntable, WhenMet()] | None = None
     """Pictures all around, by [render.camera] as it orbits: JOB.turn_000.exr and so on."""
 
     @model_validator(mode="after")
@@ -125,17 +126,17 @@ class JobConfig(_Table):
     """Job files whose values lie under this one's; paths start from this file's folder, as all paths do."""
     yarns: YarnsConfig | None = None
     """Where the centerlines come from."""
-    fibers: FibersConfig | None = None
+    fibers: Annotated[FibersConfig, WhenMet()] | None = None
     """Plies, fibers and fly-aways along the yarns."""
-    export: ExportTable | None = None
+    export: Annotated[ExportTable, WhenMet()] | None = None
     """The part of the fibers to write as curves."""
-    voxelize: VoxelizeConfig | None = None
+    voxelize: Annotated[VoxelizeConfig, WhenMet()] | None = None
     """The sparse grid of fiber density and direction."""
-    fit: FitConfig | None = None
+    fit: Annotated[FitConfig, WhenMet()] | None = None
     """Scattering parameters from measurements, for [scattering] to take."""
     scattering: ScatteringTable | None = None
     """How a fiber scatters light; by `kind`, what the volume holds in place of fibers."""
-    render: RenderTable | None = None
+    render: Annotated[RenderTable, WhenMet()] | None = None
     """The picture."""
     output: OutputTable = OutputTable()
     """Where the results go."""

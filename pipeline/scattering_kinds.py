@@ -8,13 +8,12 @@ from pydantic import Discriminator, Field, Tag
 
 from weft.fiber_model.scattering.config import ScatteringConfig
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
+from weft.files.when_met import ByKind, WhenMet
 from weft.renderer.media_config import HenyeyGreensteinScattering, IsotropicScattering, SggxScattering
 from weft.renderer.simple_phases import SimplePhase
 
 Scattering = FiberScatteringParameters | SimplePhase
-SimpleScattering = Annotated[
-    IsotropicScattering | HenyeyGreensteinScattering | SggxScattering, Field(discriminator="kind")
-]
+SimpleScattering = Annotated[IsotropicScattering | HenyeyGreensteinScattering | SggxScattering, ByKind()]
 
 
 class IsotropicTable(IsotropicScattering):
@@ -45,10 +44,10 @@ def _kind(table: Any) -> str:
 
 
 ScatteringTable = Annotated[
-    Annotated[ScatteringConfig, Tag("fibers")]
-    | Annotated[IsotropicTable, Tag("isotropic")]
-    | Annotated[HenyeyGreensteinTable, Tag("henyey_greenstein")]
-    | Annotated[SggxTable, Tag("sggx")],
+    Annotated[ScatteringConfig, WhenMet(), Tag("fibers")]
+    | Annotated[IsotropicTable, WhenMet(), Tag("isotropic")]
+    | Annotated[HenyeyGreensteinTable, WhenMet(), Tag("henyey_greenstein")]
+    | Annotated[SggxTable, WhenMet(), Tag("sggx")],
     Discriminator(_kind),
 ]
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from weft.files.input_file import InputFile
+from weft.files.when_met import ByKind
 
 from .light_config import DiskLight, MeshLight, PointLight, QuadLight, SoftboxLight, SpotLight
 from .media_config import Medium
@@ -181,11 +182,9 @@ class DaylightLight(Settings):
     """What the ground below the horizon reflects."""
 
 
-Camera = Annotated[PerspectiveCamera | OrthographicCamera, Field(discriminator="kind")]
-Surface = Annotated[
-    MeshSurface | GroundSurface | BallSurface | TubeSurface | SweepSurface, Field(discriminator="kind")
-]
-PixelFilter = Annotated[BoxFilter | GaussianFilter | LanczosFilter, Field(discriminator="kind")]
+Camera = Annotated[PerspectiveCamera | OrthographicCamera, ByKind()]
+Surface = Annotated[MeshSurface | GroundSurface | BallSurface | TubeSurface | SweepSurface, ByKind()]
+PixelFilter = Annotated[BoxFilter | GaussianFilter | LanczosFilter, ByKind()]
 Light = Annotated[
     ConstantLight
     | EnvironmentLight
@@ -199,7 +198,7 @@ Light = Annotated[
     | DiskLight
     | MeshLight
     | SoftboxLight,
-    Field(discriminator="kind"),
+    ByKind(),
 ]
 
 

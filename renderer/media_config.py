@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from weft.files.input_file import InputFile
+from weft.files.when_met import ByKind
 
 from .settings import Color, Reflectance, Settings, Vector
 from .simple_phases import HenyeyGreensteinPhase, IsotropicPhase, SggxPhase, SimplePhase
@@ -110,8 +111,8 @@ class MeshBound(Stencil):
     kind: Literal["mesh"] = "mesh"
 
 
-MediumScattering = Annotated[IsotropicScattering | HenyeyGreensteinScattering, Field(discriminator="kind")]
-Bound = Annotated[BoxBound | BallBound | MeshBound, Field(discriminator="kind")]
+MediumScattering = Annotated[IsotropicScattering | HenyeyGreensteinScattering, ByKind()]
+Bound = Annotated[BoxBound | BallBound | MeshBound, ByKind()]
 
 
 class HomogeneousMedium(Settings):
@@ -138,4 +139,4 @@ class GridMedium(Settings):
     """What a collision does."""
 
 
-Medium = Annotated[HomogeneousMedium | GridMedium, Field(discriminator="kind")]
+Medium = Annotated[HomogeneousMedium | GridMedium, ByKind()]

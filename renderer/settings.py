@@ -17,4 +17,4 @@ Reflectance = tuple[Share, Share, Share]
 class Settings(BaseModel):
     """Frozen, complete, finite."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)

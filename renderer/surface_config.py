@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from weft.files.input_file import InputFile
+from weft.files.when_met import ByKind
 
 from .settings import Reflectance, Settings, Share, Vector
 
@@ -62,7 +63,7 @@ class MerlMaterial(Settings):
     """A .binary file of 90 x 90 x 180 cells."""
 
 
-Material = Annotated[DiffuseMaterial | PrincipledMaterial | MerlMaterial, Field(discriminator="kind")]
+Material = Annotated[DiffuseMaterial | PrincipledMaterial | MerlMaterial, ByKind()]
 
 
 class Placement(Settings):

@@ -14,7 +14,7 @@ Corner = tuple[float, float, float]
 class ForeignVolumeConfig(BaseModel):
     """What a .vdb file of another program does not say of itself."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     fiber_radius_mm: float = Field(ge=1e-6, le=1e6)
     """Radius of the fibers that the density stands for."""
@@ -31,7 +31,7 @@ class ForeignVolumeConfig(BaseModel):
 class VoxelizeConfig(BaseModel):
     """Fibers to a sparse grid of density and direction."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     voxel_size_mm: float | None = Field(default=None, ge=1e-6, le=1000)
     """Edge of a voxel. Files and time grow as it shrinks."""

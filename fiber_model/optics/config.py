@@ -6,7 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-SETTINGS = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+from weft.files.when_met import ByKind
+
+SETTINGS = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 Length = Annotated[float, Field(ge=1e-5, le=10)]
 """From 10 nm to 1 cm."""
@@ -112,7 +114,7 @@ class PolygonConfig(BaseModel):
 
 CrossSectionConfig = Annotated[
     CircleConfig | EllipseConfig | LobedConfig | KidneyConfig | RoundedTriangleConfig | PolygonConfig,
-    Field(discriminator="kind"),
+    ByKind(),
 ]
 
 

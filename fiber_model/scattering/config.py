@@ -54,7 +54,7 @@ AzimuthalTable = Annotated[
 class LobesConfig(BaseModel):
     """The three lobes R, TT, TRT of one fiber. Colors are linear RGB in [0, 1]; one number means gray."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     kind: Literal["fibers"] = "fibers"
     """Fibers, as here; jobs also take "isotropic", "henyey_greenstein" and "sggx"."""

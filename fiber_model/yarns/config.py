@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from weft.files.input_file import InputFile, TextFromFile
+from weft.files.when_met import ByKind
 
 from .garments.surface_config import SurfaceConfig
 
@@ -80,7 +81,7 @@ USD_SUFFIXES = (".usd", ".usda", ".usdc")
 
 
 class _Config(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 class FileYarnsConfig(_Config):
@@ -254,9 +255,7 @@ class GarmentConfig(_Config):
     kind: Literal["garment"]
     surface: SurfaceConfig
     """What the cloth lies on."""
-    pattern: Annotated[
-        WeavePattern | KnitPattern | TilePattern | FileYarnsConfig, Field(discriminator="kind")
-    ]
+    pattern: Annotated[WeavePattern | KnitPattern | TilePattern | FileYarnsConfig, ByKind()]
     """The cloth. Yarns from a file are flat cloth in x, y, laid once in the middle of each chart."""
     offset_mm: Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)] = 0.0
     """Distance of the middle of the cloth from the surface, outward."""
@@ -280,7 +279,5 @@ class GarmentConfig(_Config):
         return self
 
 
-YarnsConfig = Annotated[
-    FileYarnsConfig | WeaveConfig | KnitConfig | TileConfig | GarmentConfig, Field(discriminator="kind")
-]
+YarnsConfig = Annotated[FileYarnsConfig | WeaveConfig | KnitConfig | TileConfig | GarmentConfig, ByKind()]
 """The [yarns] table of a job; `kind` chooses the source."""

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weft.files.input_file import InputFile
+from weft.files.when_met import ByKind
 
 Length = Annotated[float, Field(gt=0, le=1e5, allow_inf_nan=False)]
 FoldCount = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
@@ -14,7 +15,7 @@ FoldDepth = Annotated[float, Field(ge=0, le=1e4, allow_inf_nan=False)]
 
 
 class _Config(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 class SleeveConfig(_Config):
@@ -117,5 +118,5 @@ class MeshConfig(_Config):
         return self
 
 
-SurfaceConfig = Annotated[MeshConfig | SleeveConfig | ScarfConfig, Field(discriminator="kind")]
+SurfaceConfig = Annotated[MeshConfig | SleeveConfig | ScarfConfig, ByKind()]
 """The [yarns.surface] table of a garment."""
