@@ -130,8 +130,8 @@ def mixed_pool(
     """
     if len({source.words for source in levels}) > 1:
         raise InputError(
-            "render.detail_pixels: the volume has colors, its coarser levels have none.",
-            hint="Leave out detail_pixels, or voxelize.albedo.",
+            "render.detail_pixels: only some of the volume's levels have colors.",
+            hint="Make the volume and its levels again.",
         )
     rows = [np.flatnonzero(keep) for keep in chosen[: len(levels)]]
     level = np.repeat(np.arange(len(levels)), [len(r) for r in rows])

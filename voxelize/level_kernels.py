@@ -39,6 +39,8 @@ class FineBlock:
     moment_diag: wp.array2d(dtype=wp.vec3)
     """Empty where the finer volume has no second moment; so is `moment_off`."""
     moment_off: wp.array2d(dtype=wp.vec3)
+    albedo: wp.array2d(dtype=wp.vec3)
+    """Likewise empty where the finer volume has no colors."""
 
 
 @wp.struct
@@ -93,6 +95,31 @@ def add_lobe(
                     lobe.diagonal += w * diagonal
                     lobe.off += w * off
     return lobe
+
+
+@wp.func
+def mean_color(
+    block: FineBlock, corner: wp.vec3i, factor: int, first: wp.vec3, second: wp.vec3, which: int
+):  # fmt: skip
+    """The dye of the children of one lobe, as in `add_lobe`, weighted by density.
+
+    The scattering coefficient of transmitted light is extinction times dye, and it is what adds up. Dye above
+    1, which noise along the yarn may make, counts as 1, as it does when it is drawn.
+    """
+    weight = wp.float64(0.0)
+    sum = wp.vec3d()
+    for child in range(factor * factor * factor):
+        row, voxel = child_at(block, corner, factor, child)
+        if row >= 0:
+            w = wp.float64(block.density[row, voxel])
+            if w > wp.float64(0.0):
+                t = block.direction[row, voxel]
+                nearer_second = wp.abs(wp.dot(second, t)) > wp.abs(wp.dot(first, t))
+                if nearer_second == (which == 1):
+                    weight += w
+                    color = block.albedo[row, voxel]
+                    sum += w * wp.vec3d(wp.min(color, wp.vec3(1.0, 1.0, 1.0)))
+    return wp.vec3(sum / weight)
 
 
 @wp.func
@@ -166,13 +193,14 @@ def coarsen_bricks(
     direction: wp.array3d(dtype=wp.vec3),
     moment_diag: wp.array3d(dtype=wp.vec3),
     moment_off: wp.array3d(dtype=wp.vec3),
+    albedo: wp.array3d(dtype=wp.vec3),
     errors: wp.array2d(dtype=wp.vec3d),
 ):
     """Voxels of the coarse bricks at `bricks` (in coarse bricks, from the block's corner).
 
-    Results have shape [lobe, brick, voxel]; moments are written where their arrays are not empty. `errors`
-    receives, over the directions `views`: extinction of the children, the lobes' less that, and its square
-    over the former, all up to the factor 2 / (pi a).
+    Results have shape [lobe, brick, voxel]; moments and colors are written where their arrays are not
+    empty. `errors` receives, over the directions `views`: extinction of the children, the lobes' less that,
+    and its square over the former, all up to the factor 2 / (pi a).
     """
     row, voxel = wp.tid()
     at = bricks[row] * 8 + wp.vec3i(voxel >> 6, (voxel >> 3) & 7, voxel & 7)
@@ -195,6 +223,8 @@ def coarsen_bricks(
             if moment_diag.shape[1] > 0:
                 moment_diag[lobe, row, voxel] = wp.vec3(sums.diagonal * unit)
                 moment_off[lobe, row, voxel] = wp.vec3(sums.off * unit)
+            if albedo.shape[1] > 0:
+                albedo[lobe, row, voxel] = mean_color(block, corner, factor, split_first, split_second, lobe)
     found = wp.vec3d()
     for view in range(views.shape[0]):
         w = views[view]

@@ -1,9 +1,10 @@
 """Coarser volumes from finer ones, with one or two directions a voxel.
 
-Fiber length is conserved, and so is the second moment where the finer volume has one. One mean direction
-makes of warp and weft in a voxel something between; two lobes keep them apart. The second lobe is a medium of
-its own on the same voxels, `<medium>_crossing`, so that whoever draws overlapping media draws both. The work
-is done in cubes of whole coarse bricks, so that a volume on the disk need not fit in memory.
+Fiber length is conserved, and so are the second moment and the dye where the finer volume has them: the dye
+of a lobe is its voxels' mean, weighted by density. One mean direction makes of warp and weft in a voxel
+something between; two lobes keep them apart. The second lobe is a medium of its own on the same voxels,
+`<medium>_crossing`, so that whoever draws overlapping media draws both. The work is done in cubes of whole
+coarse bricks, so that a volume on the disk need not fit in memory.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import warp as wp
 
 from . import level_kernels
 from .accumulator import BrickBatch
-from .grid import BRICK_SIZE, BRICK_VOXELS, CHANNELS, MOMENTS, FiberGrid, FiberVolume
+from .grid import BRICK_SIZE, BRICK_VOXELS, CHANNELS, OPTIONAL, FiberGrid, FiberVolume
 from .grid_files import SECOND_LOBE
 from .tile_sums import DEVICE
 
@@ -27,7 +28,7 @@ BLOCK_BRICKS = 16
 """Finer bricks along the edge of a cube that is coarsened at a time."""
 VIEW_COUNT = 12
 """Directions in which the error of the extinction is measured."""
-WIDTH = {"density": wp.float32, "direction": wp.vec3, "moment_diag": wp.vec3, "moment_off": wp.vec3}
+WIDTH = {name: wp.vec3 if width == 3 else wp.float32 for name, width in CHANNELS.items()}
 
 Read = Callable[[np.ndarray], Mapping[str, np.ndarray]]
 """The channels of some bricks of a grid, by their rows."""
@@ -80,7 +81,7 @@ def _reader(grid: FiberGrid) -> Read:
 
 
 def _join(fine: FiberGrid, batches: list[BrickBatch], factor: int) -> FiberGrid:
-    names = [name for name in fine.channels if name in WIDTH]
+    names = list(fine.channels)
     origins = np.concatenate([np.empty((0, 3), np.int32), *(batch.origins for batch in batches)])
     order = np.lexsort((origins[:, 2], origins[:, 1], origins[:, 0]))
     arrays = {
@@ -127,16 +128,16 @@ def coarsen_values(
     corner = origins[0] // (BRICK_SIZE * side) * side
     place = origins // BRICK_SIZE - corner
     coarse = np.unique(place // factor, axis=0).astype(np.int32)
-    names = [name for name in values if name in WIDTH]
+    names = list(values)
     results = {name: _lobe_zeros(lobes, len(coarse), name) for name in names}
-    empty = {name: _lobe_zeros(lobes, 0, name) for name in MOMENTS if name not in names}
+    empty = {name: _lobe_zeros(lobes, 0, name) for name in OPTIONAL if name not in names}
     errors = np.zeros((len(coarse), BRICK_VOXELS, 3))
     wp.launch(
         level_kernels.coarsen_bricks,
         dim=(len(coarse), BRICK_VOXELS),
         inputs=[_fine_block(place, values, side), factor, lobes, _shared(coarse, wp.vec3i), _views()],
         outputs=[
-            *(_shared((results | empty)[name], WIDTH[name]) for name in CHANNELS if name in WIDTH),
+            *(_shared((results | empty)[name], WIDTH[name]) for name in CHANNELS),
             _shared(errors, wp.vec3d),
         ],
         device=DEVICE,
@@ -163,7 +164,7 @@ def _fine_block(place: np.ndarray, values: Mapping[str, np.ndarray], side: int) 
     block.rows = _shared(rows, wp.int32)
     block.density = _shared(np.ascontiguousarray(values["density"]), wp.float32)
     block.direction = _shared(np.ascontiguousarray(values["direction"]), wp.vec3)
-    for name in MOMENTS:
+    for name in OPTIONAL:
         array = values.get(name, _zeros(0, name))
         setattr(block, name, _shared(np.ascontiguousarray(array), wp.vec3))
     return block

@@ -16,7 +16,6 @@ from .fingerprint import fingerprint
 from .grid_files import SECOND_LOBE
 from .level_of_detail import (
     BLOCK_BRICKS,
-    WIDTH,
     CoarseBlock,
     blocks_of,
     coarsen_in_order,
@@ -101,7 +100,7 @@ def _level(
             [part for part in parts if part.medium == medium],
             voxel_size_mm=size,
             fiber_radius_mm=grid.fiber_radius_mm,
-            channels=tuple(name for name in grid.channels if name in WIDTH),
+            channels=tuple(grid.channels),
         )
         for medium, (name, grid) in enumerate(names)
     }

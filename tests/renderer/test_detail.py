@@ -221,7 +221,7 @@ def independent_levels(count=4, shape=(24, 4, 4)) -> VolumeLevels:
 
 
 def written_finely(levels: VolumeLevels, config: RenderConfig) -> FiberVolume:
-    """The chosen bricks of all levels as voxels of the finest."""
+    """The chosen bricks of all levels as voxels of the finest; their dye as well, where they have any."""
     frame = place_camera(config.camera, levels.bounds_mm, config.resolution)
     grids = [level.grids["a"] for level in levels.levels]
     chosen = choose_bricks(
@@ -232,12 +232,15 @@ def written_finely(levels: VolumeLevels, config: RenderConfig) -> FiberVolume:
     )
     size = np.array([24, 8, 8]) * 8  # whole bricks of the coarsest
     density, axis = np.zeros(size, np.float32), np.zeros((*size, 3), np.float32)
+    dye = None if grids[0].albedo is None else np.zeros((*size, 3), np.float32)
     for level, (grid, kept) in enumerate(zip(grids, chosen, strict=True)):
         for row in np.flatnonzero(kept):
             box = tuple(slice(n << level, (n + 8) << level) for n in grid.origins[row])
             fine = np.ones((1 << level,) * 3, np.float32)
             density[box] = np.kron(grid.density[row].reshape(8, 8, 8), fine)
             axis[box] = np.kron(grid.direction[row].reshape(8, 8, 8, 3), fine[..., None])
+            if dye is not None:
+                dye[box] = np.kron(grid.albedo[row].reshape(8, 8, 8, 3), fine[..., None])
     origins = random_grid((24, 8, 8), seed=0).origins
     boxes = [tuple(slice(n, n + 8) for n in origin) for origin in origins]
     return volume(
@@ -247,6 +250,7 @@ def written_finely(levels: VolumeLevels, config: RenderConfig) -> FiberVolume:
             origins,
             np.stack([density[box].reshape(512) for box in boxes]),
             np.stack([axis[box].reshape(512, 3) for box in boxes]),
+            albedo=None if dye is None else np.stack([dye[box].reshape(512, 3) for box in boxes]),
         )
     )
 
@@ -274,6 +278,49 @@ def test_coarse_voxels_are_the_same_voxels_written_finely(settings):
     variance = sum(result.layers["variance.G"].sum() for result in (mixed, fine))
     difference = (mixed.layers["G"] - fine.layers["G"]).sum()
     assert abs(difference) < Z_LIMIT * np.sqrt(variance)
+
+
+def with_dye(grid: FiberGrid, seed: int) -> FiberGrid:
+    """In random colors, voxel by voxel."""
+    albedo = np.random.default_rng(seed).random((*grid.density.shape, 3), np.float32)
+    return dataclasses.replace(grid, albedo=albedo * (grid.density > 0)[..., None])
+
+
+@pytest.mark.gl
+def test_dye_is_that_of_the_voxel_at_every_level():
+    """Against the same voxels written finely: color, first and once scattered, pixel by pixel."""
+    grids = [with_dye(level.grids["a"], seed) for seed, level in enumerate(independent_levels().levels)]
+    levels = VolumeLevels(tuple(volume(grid) for grid in grids))
+    config = looking(ALONG, 3.0, filter=BoxFilter(), max_bounces=1)
+    phase = {"a": IsotropicPhase((0.9, 0.9, 0.9))}
+    mixed = run(config, levels, phase)
+    fine = run(config.model_copy(update={"detail_pixels": None}), written_finely(levels, config), phase)
+    assert sum(share.brick_count > 0 for share in mixed.statistics.detail) >= 3
+    for name in ("albedo.R", "albedo.G", "albedo.B"):
+        assert fine.layers[name].std() > 0.02
+        assert np.isclose(mixed.layers[name], fine.layers[name], atol=2e-3).mean() > 0.98
+
+
+@pytest.mark.gl
+def test_one_dye_draws_the_same_picture_as_a_phase_of_that_color():
+    """Bit by bit but for rounding, from the finest level to the coarsest."""
+    dye = np.square(np.float32([300, 700, 1000]) / 1023)
+    plain = bar()
+    albedo = (plain.density > 0)[..., None] * dye
+    dyed = leveled(volume(dataclasses.replace(plain, albedo=albedo.astype(np.float32))), count=4)
+    config = looking(ALONG, 3.0)
+    one = run(config, dyed, {"a": IsotropicPhase((1.0, 1.0, 1.0))})
+    other = run(config, leveled(volume(plain), count=4), {"a": IsotropicPhase(tuple(map(float, dye)))})
+    assert sum(share.brick_count > 0 for share in one.statistics.detail) >= 3
+    assert np.isclose(one.radiance, other.radiance, rtol=1e-3).mean() > 0.995
+
+
+def test_levels_of_which_only_some_have_dye_are_refused():
+    levels = leveled(volume(with_dye(bar(), 1)))
+    coarser = volume(*(dataclasses.replace(grid, albedo=None) for grid in levels.levels[1].grids.values()))
+    mixture = VolumeLevels((levels.levels[0], FiberVolume({"a": coarser.grids["a"]})))
+    with pytest.raises(InputError, match=r"only some of the volume's levels have colors"):
+        build_scene(looking(ALONG, 1.0), mixture, BLACK)
 
 
 @pytest.mark.gl
@@ -363,7 +410,7 @@ def test_levels_on_the_disk_are_those_in_memory(tmp_path):
     pytest.importorskip("weft.voxelize._openvdb", reason="OpenVDB is not installed")
     from weft.voxelize.vdb import write_volume
 
-    levels, path = leveled(volume(bar())), tmp_path / "volume.vdb"
+    levels, path = leveled(volume(with_dye(bar(), 2))), tmp_path / "volume.vdb"
     write_volume(path, levels.levels[0])
     with pytest.raises(InputError, match=r"there is no volume_level1\.vdb beside it.*voxelize\.levels"):
         open_levels(path)
