@@ -60,17 +60,22 @@ def test_intervals_agree_with_the_covariance_where_the_data_are_good(kind, fitte
             assert low < standard.value < high
 
 
-def test_held_out_angle_is_not_seen_and_its_error_told():
-    result = run(config(held_out_theta_i_deg=[60.0]), synthetic(TRUTH, seed=2))
-    assert 60.0 not in np.round(np.degrees(result.seen.theta_i), 6)
-    (held_out,) = result.held_out
+@pytest.fixture(scope="module")
+def in_part():
+    """A fit of some of its data."""
+    mask = [{"theta_o_deg": [-90, 0], "phi_deg": [90, 180]}]
+    return run(config(held_out_theta_i_deg=[60.0], mask=mask), synthetic(TRUTH, seed=2))
+
+
+def test_held_out_angle_is_not_seen_and_its_error_told(in_part):
+    assert 60.0 not in np.round(np.degrees(in_part.seen.theta_i), 6)
+    (held_out,) = in_part.held_out
     assert held_out.theta_i_deg == 60.0
     assert 0.8 < held_out.chi2_per_value < 1.3
 
 
-def test_mask_leaves_directions_out():
-    result = run(config(mask=[{"theta_o_deg": [-90, 0], "phi_deg": [90, 180]}]), synthetic(TRUTH, seed=2))
-    theta, phi = np.degrees(result.seen.theta_o), np.degrees(result.seen.phi_o)
+def test_mask_leaves_directions_out(in_part):
+    theta, phi = np.degrees(in_part.seen.theta_o), np.degrees(in_part.seen.phi_o)
     assert not ((theta <= 0) & (phi >= 90)).any()
     assert (phi >= 90).any()
     assert (theta <= 0).any()

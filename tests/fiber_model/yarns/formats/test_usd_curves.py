@@ -363,10 +363,11 @@ def test_a_reader_that_never_ends_is_stopped_by_its_own_processor_time(tmp_path)
 
 
 @pytest.mark.parametrize(("suffix", "loops"), [("usda", True), ("usdc", False)])
+@pytest.mark.parametrize("count", [50, pytest.param(250, marks=pytest.mark.proof)])
 @pytest.mark.usefixtures("fork")
-def test_mutants_are_read_or_refused(tmp_path, monkeypatch, suffix, loops):
+def test_mutants_are_read_or_refused(tmp_path, monkeypatch, suffix, loops, count):
     write_usd(a_set(loops=loops), tmp_path / f"y.{suffix}")
     whole = (tmp_path / f"y.{suffix}").read_bytes()
     monkeypatch.setattr("tests.fiber_model.yarns.formats.mutants.MOST_SECONDS", MOST_SECONDS)
-    refused, good = read_mutants(read_usd, whole, tmp_path / f"m.{suffix}", count=250)
+    refused, good = read_mutants(read_usd, whole, tmp_path / f"m.{suffix}", count=count)
     assert min(refused, good) > 0
