@@ -226,7 +226,7 @@ class RenderConfig(Settings):
     in the first scatterings, with samples spread more evenly; `variance` then says too much."""
     max_bounces: int = Field(default=1024, ge=1, lt=2**31)
     """Scattering events after which a path is cut; cut paths are counted. White fibers need hundreds."""
-    roulette_start: int = Field(default=16, ge=1, lt=2**31)
+    roulette_start: int = Field(default=1, ge=1, lt=2**31)
     """Scattering events after which dim paths end by Russian roulette; it changes noise, never the mean."""
     camera: Camera = PerspectiveCamera()
     """The camera."""

@@ -265,6 +265,22 @@ def test_russian_roulette_keeps_the_mean():
         assert abs(welch_z(always, never, channel=channel)) < Z_LIMIT
 
 
+def test_russian_roulette_leaves_bright_paths_alone():
+    """Twenty scatterings of albedo 0.95 leave 0.36, more than a quarter."""
+    grid, phase = uniform_grid((2, 2, 2), 0.8, (0, 1, 0)), {"a": IsotropicPhase((0.95, 0.5, 0.1))}
+    settings = {
+        "resolution": (16, 16),
+        "samples_per_pixel": 8,
+        "max_bounces": 20,
+        "lights": [ConstantLight()],
+    }
+    always, never = (
+        run(RenderConfig(**settings, roulette_start=start), volume(grid), phase) for start in (1, 100_000)
+    )
+    assert always.statistics.cut_paths > 0
+    np.testing.assert_array_equal(always.radiance, never.radiance)
+
+
 def two_media(one, two, scattering, seed):
     config = RenderConfig(
         resolution=(32, 32),

@@ -34,9 +34,14 @@ float phase_weight(float light_pdf, float phase_pdf) {
     return 1.0 - (light_pdf > 0.0 ? light_weight(light_pdf, phase_pdf) : 0.0);
 }
 
-// Survival in proportion to the throughput, never below 5 %, so that weights stay bounded.
+// Throughput below which paths end by roulette. In proportion to the throughput alone, half of the paths of a fiber of
+// albedo 0.95 end at the first throw and what survives counts 2.3 times, the largest part of a picture's variance.
+const float ROULETTE_BELOW = 0.25;
+
+// Survivors have throughput ROULETTE_BELOW in their brightest color, at most 20 times what they had.
 void roulette(inout Path p, uint bits) {
-    float survival = clamp(max(p.throughput.x, max(p.throughput.y, p.throughput.z)), 0.05, 1.0);
+    float brightest = max(p.throughput.x, max(p.throughput.y, p.throughput.z));
+    float survival = clamp(brightest * (1.0 / ROULETTE_BELOW), 0.05, 1.0);
     bool survives = unit_float(bits) < survival;
     p.throughput = survives ? p.throughput / survival : vec3(0.0);
 }
