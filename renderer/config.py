@@ -260,9 +260,10 @@ class RenderConfig(Settings):
     """
     correlation: Literal["none", "fibers"] = "none"
     """none: fibers are independent points, as in any participating medium. fibers: free flights know that
-    voxels hold few and thick fibers, that a path left one of them, and how it came there.
+    voxels hold few and thick fibers, and that a path meets and leaves a fiber at its surface.
 
-    Nearer to fibers traced one by one (renderer/README.md); needs exact tracking and projected extinction.
+    Within 2 % of yarns traced fiber by fiber (renderer/VOLUME_AGAINST_FIBERS.md), up to voxels of 0.06 mm;
+    needs exact tracking and projected extinction.
     """
     brick_pool_mb: float | None = Field(default=None, gt=0)
     """Memory for voxels on the device [MiB]; unset: as much as they need.

@@ -208,15 +208,29 @@ TRACKING_MUTATIONS = (
     shader_fault(
         "own fiber met again",
         "medium/correlated_step.glsl",
-        "s.others = s.fibers - p.run.own;",
+        "s.others = s.fibers - max(p.run.own, 0.0);",
         "s.others = s.fibers;",
         "tests/renderer/test_fiber_correlation.py::test_the_volume_is_about_as_bright_as_its_fibers",
     ),
     shader_fault(
+        "paths leave the middle of a fiber",
+        "medium/fiber_front.glsl",
+        "    p.t = t;",
+        "",
+        "tests/renderer/test_fiber_correlation.py::test_the_volume_is_about_as_bright_as_its_fibers",
+    ),
+    shader_fault(
+        "a slanted fiber counted more than once",
+        "medium/volume.glsl",
+        "max(axis.x, max(axis.y, axis.z)) / (2.0",
+        "(axis.x + axis.y + axis.z) / (2.0",
+        "tests/renderer/test_fiber_correlation.py::test_a_slanted_fiber_hides_its_width",
+    ),
+    shader_fault(
         "a fiber in two voxels taken for two",
         "medium/correlated_step.glsl",
-        "if (p.run.fibers >= 1.0) p.run = NO_FIBERS;",
-        "p.run = NO_FIBERS;",
+        "if (p.run.fibers >= 1.0) p.run",
+        "p.run",
         "tests/renderer/test_fiber_correlation.py::test_half_a_fiber_in_each_of_two_layers_is_one",
     ),
     Mutation(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.peers.fiber_scenes import GRAY, bundle, rays_from_above, uniform_light
-from tests.peers.fiber_tracer import FiberTracer
+from tests.peers.fiber_tracer import FiberScene, FiberTracer
 from weft.renderer.config import ConstantLight, OrthographicCamera, RenderConfig
 from weft.renderer.kernel import KernelOptions
 from weft.renderer.render import run
@@ -144,12 +144,31 @@ def test_traced_fibers_at_random_places_are_exponential():
     assert abs(np.mean(passed) - expected) < Z_LIMIT * np.std(passed) / math.sqrt(len(passed))
 
 
+def test_a_slanted_fiber_hides_its_width():
+    """It crosses some voxels through the middle, others at a corner, and is one fiber all the same."""
+    turn = np.linalg.qr(np.array([[0.85, -0.45, 0.27], [0.47, 0.88, -0.02], [-0.23, 0.14, 0.96]]))[0]
+    line = bundle(1, seed=1, length=1.6)
+    scene = FiberScene((line.segments @ turn.T).astype(np.float32), line.fiber, line.radius_mm)
+    origin, direction = rays_from_above(400_000, 0.2, np.random.default_rng(4))
+    traced = (FiberTracer(scene).nearest(origin, direction, np.full(len(origin), -1))[0] >= 0).mean()
+    config = RenderConfig(
+        resolution=(64, 64),
+        samples_per_pixel=128,
+        camera=OrthographicCamera(position_mm=(0, 0, 2), target_mm=(0, 0, 0), frame_width_mm=0.4),
+        lights=[ConstantLight()],
+        correlation="fibers",
+    )
+    voxels = voxelize_segments(VoxelizeConfig(voxel_size_mm=0.03), scene.segments, fiber_radius_mm=0.008)
+    share = run(config, voxels, {"fiber": IsotropicPhase((0, 0, 0))}).layers["A"].mean()
+    assert abs(share / traced - 1) < 0.06
+
+
 @pytest.mark.parametrize(
     ("count", "apart", "limits"),
     [
-        (200, 0.016, {"none": (-0.03, 0.02), "fibers": (-0.02, 0.04)}),
-        (200, 0.0, {"none": (-0.09, -0.02), "fibers": (-0.06, 0.01)}),
-        (30, 0.0, {"none": (-0.3, -0.15), "fibers": (-0.1, 0.0)}),
+        (200, 0.016, {"none": (-0.03, 0.02), "fibers": (0.0, 0.05)}),
+        (400, 0.0, {"none": (-0.21, -0.13), "fibers": (-0.03, 0.03)}),
+        (30, 0.0, {"none": (-0.3, -0.15), "fibers": (-0.11, -0.05)}),
     ],
     ids=["dense and apart", "dense and overlapping", "thin"],
 )

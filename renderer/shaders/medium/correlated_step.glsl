@@ -1,11 +1,14 @@
 // Free flights among fibers rather than among independent points (renderer/VOLUME_AGAINST_FIBERS.md).
 // - N fibers that cover optical depth x let (1 - x/N)^N pass: at least one fiber stands in every run of voxels, and
 //   one fiber hides x = 2a/h of its voxel's width, not 1 - exp(-x). Binomial; exponential for many fibers.
-// - A path that leaves a fiber has N - 1 of them before it in the run of voxels where it starts.
-// - A path that goes back near to where it came from goes through a gap: what would have stopped it on the way there
-//   is known to be absent (the hot spot of plant canopies: Kuusk 1985; Jupp and Strahler 1991).
+// - A path that leaves a fiber has N - 1 of them before it in the first run of voxels that reaches into that fiber, and
+//   meets none whose front lies behind it (medium/fiber_front.glsl).
+// - A path that goes back near to where the camera is goes through a gap: what would have stopped it on the way there
+//   is known to be absent (the hot spot of plant canopies: Kuusk 1985; Jupp and Strahler 1991). Later gaps end at the
+//   fiber that the path left before, which stops it about as often as the gap lets it pass.
 #include "path/state.glsl"
 #include "medium/volume.glsl"
+#include "medium/fiber_front.glsl"
 
 struct CorrelatedStep {
     float depth;   // what the step takes from the free optical depth
@@ -39,26 +42,25 @@ float binomial_depth(float depth, float fibers, float others) {
 
 CorrelatedStep correlated_step(inout Path p, Cell cell, float t_exit) {
     if (cell.extinction == 0.0) {
-        p.run = NO_FIBERS;
+        p.run = FiberRun(0.0, 0.0, min(p.run.own, 0.0));
         return CorrelatedStep(0.0, 1.0, 1.0, 0.0);
     }
     bool leaves = p.left_axis != vec3(0.0);
-#if DETAIL
-    bool home = all(greaterThanEqual(p.origin_voxel, cell.lower)) && all(lessThan(p.origin_voxel, cell.upper));
-#else
-    bool home = p.voxel == p.origin_voxel;
-#endif
-    if (leaves && home) p.run.own = 1.0;
+    if (leaves && p.run.own != OWN_PASSED) {
+        vec3 center = 0.5 * vec3(cell.lower + cell.upper);
+        float half_width = 0.5 * float(cell.upper.x - cell.lower.x);
+        if (length(to_own_axis(p, center)) < fiber_radius + half_width) p.run.own = 1.0;
+    }
     p.run.fibers += cell.fibers;
     CorrelatedStep s;
     s.fibers = max(p.run.fibers, 1.0);
-    s.others = s.fibers - p.run.own;
-    if (leaves) s.others *= 1.0 - known_gap(p, p.t, t_exit);
+    s.others = s.fibers - max(p.run.own, 0.0);
+    if (leaves) s.others *= (1.0 - known_gap(p, p.t, t_exit)) * (1.0 - share_behind(p, p.t, t_exit));
     s.held = p.run.depth;
     p.run.depth += cell.extinction * (t_exit - p.t);
     s.depth = max(
         binomial_depth(p.run.depth, s.fibers, s.others) - binomial_depth(s.held, s.fibers, s.others), 0.0);
-    if (p.run.fibers >= 1.0) p.run = NO_FIBERS;
+    if (p.run.fibers >= 1.0) p.run = FiberRun(0.0, 0.0, p.run.own != 0.0 ? OWN_PASSED : 0.0);
     return s;
 }
 

@@ -91,10 +91,11 @@ float voxel_extinction(uint word, float extinction_per_level, vec3 direction) {
 }
 
 #if FIBER_CORRELATION
-// Fibers of a voxel: their length over that of the mean chord along their axis, phi h^2 |t|_1 / (pi a^2).
+// Fibers of a voxel: their length over that of the longest chord along their axis, phi h^2 max|t| / (pi a^2), so that
+// one fiber alone, which may cross a voxel's middle, never counts as more than one.
 float voxel_fibers(uint word, float extinction_per_level) {
     vec3 axis = abs(normalize(unscaled_axis(word)));
-    return float(word >> 20) * extinction_per_level * (axis.x + axis.y + axis.z) / (2.0 * fiber_radius);
+    return float(word >> 20) * extinction_per_level * max(axis.x, max(axis.y, axis.z)) / (2.0 * fiber_radius);
 }
 #endif
 

@@ -11,6 +11,10 @@
 #constant OTHER_MEDIA  // than those of fibers on the grid
 #include "generated/collide.glsl"  // medium/collide.glsl; empty where there are none
 #constant BRICK_POOL
+#constant FIBER_CORRELATION
+#if FIBER_CORRELATION
+#include "medium/fiber_front.glsl"
+#endif
 
 // Where the path's sample is summed: out of core apart from all others, since samples may overtake each other.
 uint film_place(Path p) {
@@ -67,6 +71,9 @@ void scatter(inout Path p) {
     uint medium = choose_medium(p.voxel, p.direction, unit_float(bits.x), axis, tint);
     mat3 frame = fiber_frame(axis);
 #endif
+#if FIBER_CORRELATION
+    move_to_front(p, axis, unit_interval(random_words(p.rng)).xy, p.left_side);
+#endif
     Phase phase = phase_at(medium, -p.direction * frame, tint);
     if (p.bounce == 0u) {
         film_add_first_scattering(film_place(p), p.t, axis, phase_albedo(phase));
@@ -79,7 +86,7 @@ void scatter(inout Path p) {
 #if FIBER_CORRELATION
     p.left_axis = axis;
     p.left_wo = -p.direction;
-    p.left_gap = p.t;
+    p.left_gap = p.bounce == 0u ? p.t : 0.0;
 #endif
     p.bounce += 1u;
     p.origin = p.origin + p.direction * p.t;

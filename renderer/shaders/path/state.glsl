@@ -88,7 +88,8 @@ struct Path {
 #if FIBER_CORRELATION
     vec3 left_axis;      // of the fiber that the segment leaves; zero where it leaves none
     vec3 left_wo;        // toward where the path came to it from
-    float left_gap;      // as far as that is known to be free [voxels]
+    float left_gap;      // as far as that is known to be free [voxels]; 0: a fiber ends it
+    float left_side;     // where that fiber was passed, in its radii: -1 to 1
     FiberRun run;        // what the segment has passed since it last was among no fibers
 #endif
 #if EXTINCTION_RGB
@@ -150,6 +151,7 @@ Path load_path(uint lane) {
     p.left_gap = uintBitsToFloat(c0.w);
     p.left_wo = uintBitsToFloat(c1.xyz);
     p.run = FiberRun(uintBitsToFloat(c1.w), uintBitsToFloat(c2.x), uintBitsToFloat(c2.y));
+    p.left_side = uintBitsToFloat(c2.z);
 #endif
 #if EXTINCTION_RGB
     uvec4 by_color = states[lane + lane_count * COLOR_ROW];
@@ -189,7 +191,7 @@ void store_path(uint lane, Path p) {
     states[lane + lane_count * (CORRELATION_ROW + 1u)] =
         uvec4(floatBitsToUint(p.left_wo), floatBitsToUint(p.run.depth));
     states[lane + lane_count * (CORRELATION_ROW + 2u)] =
-        uvec4(floatBitsToUint(p.run.fibers), floatBitsToUint(p.run.own), 0u, 0u);
+        floatBitsToUint(vec4(p.run.fibers, p.run.own, p.left_side, 0.0));
 #endif
 #if EXTINCTION_RGB
     states[lane + lane_count * COLOR_ROW] = uvec4(floatBitsToUint(p.depths), p.color);
