@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.renderer.mutations import Mutation
+from tests.faults import Mutation
 
 FIT = "tests/fitting/test_fit.py::"
 SOLVE = "tests/fitting/test_solve.py::"

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.peers.compared_pictures import PeerImage, perspective_sensor
+
 
 @dataclass(frozen=True)
 class VolumeScene:
@@ -33,16 +35,6 @@ class VolumeScene:
     @property
     def size_mm(self) -> np.ndarray:
         return np.array(self.extinction.shape) * self.voxel_size_mm
-
-
-@dataclass(frozen=True)
-class PeerImage:
-    mean: np.ndarray
-    """Pixel means, float64, shape [height, width], averaged over RGB."""
-    variance: np.ndarray
-    """Variance of each pixel mean, from independent runs, same shape."""
-    paths: int
-    cpu_seconds: float
 
 
 def render_with_mitsuba(scene: VolumeScene, *, samples_per_run: int, runs: int, seed: int) -> PeerImage:
@@ -93,21 +85,13 @@ def scene_dict(mi, scene: VolumeScene) -> dict:
                 "phase": _phase_dict(mi, scene, to_block),
             },
         },
-        "sensor": {
-            "type": "perspective",
-            "fov": scene.fov_deg,
-            "to_world": mi.ScalarTransform4f().look_at(
-                origin=list(scene.camera_position), target=list(scene.camera_target), up=[0, 1, 0]
-            ),
-            "sampler": {"type": "independent"},
-            "film": {
-                "type": "hdrfilm",
-                "width": scene.resolution,
-                "height": scene.resolution,
-                "rfilter": {"type": "box"},
-                "pixel_format": "rgb",
-            },
-        },
+        "sensor": perspective_sensor(
+            mi,
+            position=scene.camera_position,
+            target=scene.camera_target,
+            fov_deg=scene.fov_deg,
+            size=scene.resolution,
+        ),
     }
 
 

@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from tests.faults import Mutation
 
 SHADERS = "renderer/shaders/"
 TRACKING = "tests/renderer/test_tracking.py::"
 TRANSPORT = "tests/renderer/test_transport.py::"
 FIBER = "tests/renderer/shaders/test_phase_fiber.py::"
 QUARTER_PERCENT = TRACKING + "test_extinction_is_right_to_a_quarter_percent"
-
-
-@dataclass(frozen=True)
-class Mutation:
-    """One place in the code, what to write there instead, and who must notice."""
-
-    name: str
-    file: str
-    right: str
-    """Occurs once in the file."""
-    wrong: str
-    test: str
-    sign: str = "assert"
-    """What the output of the failing test holds."""
 
 
 def shader_fault(name: str, file: str, right: str, wrong: str, test: str) -> Mutation:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .mutations import Mutation
+from tests.faults import Mutation
 
 CHECKPOINT = "tests/renderer/test_checkpoint.py::"
 MERGE = "tests/renderer/test_merge.py::"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from .mutations import Mutation, shader_fault
+from tests.faults import Mutation
+
+from .mutations import shader_fault
 
 MEDIA = "tests/renderer/test_media.py::"
 TRACKERS = "tests/renderer/test_trackers.py::"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from .mutations import Mutation, shader_fault
+from tests.faults import Mutation
+
+from .mutations import shader_fault
 
 PRINCIPLED = "tests/renderer/test_principled.py::"
 MERL = "tests/renderer/test_merl.py::"

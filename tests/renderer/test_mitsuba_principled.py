@@ -8,15 +8,20 @@ and its clearcoat divides by other cosines: these two cannot be compared.
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 import pytest
 
-from tests.peers.mitsuba_volume import PeerImage
+from tests.peers.compared_pictures import (
+    PeerImage,
+    mitsuba_image,
+    perspective_sensor,
+    threshold,
+    weft_image,
+    welch,
+)
 from weft.renderer.config import ConstantLight, DirectionalLight, PerspectiveCamera, RenderConfig
 from weft.renderer.light_config import PointLight, QuadLight
-from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 from weft.renderer.surface_config import (
     DiffuseMaterial,
@@ -28,9 +33,9 @@ from weft.renderer.surface_config import (
 
 from .meshes import write_ball
 from .principled_reference import NAMES, principled
-from .test_mitsuba_surfaces import SIZE, TILE, threshold, welch
 from .volumes import uniform_grid, volume
 
+SIZE, TILE = 48, 8
 COLOR = (0.7, 0.4, 0.1)
 USUAL = dict(zip(NAMES, (0.0, 0.0, 0.5, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0), strict=True))
 MITSUBA_NAMES = {"subsurface": "flatness", "specular_tint": "spec_tint"}
@@ -130,11 +135,7 @@ def weft_picture(folder) -> PeerImage:
     )
     # all but transparent: the stage wants a volume
     speck = volume(uniform_grid((1, 1, 1), 1e-9, (1, 0, 0)))
-    started = time.process_time()
-    result = run(config, speck, {"a": IsotropicPhase()})
-    variance = np.stack([result.layers[f"variance.{c}"] for c in "RGB"], -1).astype(float)
-    seconds = time.process_time() - started
-    return PeerImage(result.radiance.astype(float), variance, result.statistics.paths, seconds)
+    return weft_image(config, speck, {"a": IsotropicPhase()})
 
 
 def mitsuba_material(material) -> dict:
@@ -145,10 +146,9 @@ def mitsuba_material(material) -> dict:
     return {"type": "twosided", "b": inside}
 
 
-def mitsuba_picture(mi, folder, *, runs=8, samples=64) -> PeerImage:
+def mitsuba_picture(mi, folder) -> PeerImage:
     transform = mi.ScalarTransform4f
     write_ball(folder, name="ball.ply", subdivisions=3, radius=RADIUS)
-    film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "pixel_format": "rgb", "f": {"type": "box"}}
     balls = {
         f"ball{i}": {
             "type": "ply",
@@ -159,41 +159,29 @@ def mitsuba_picture(mi, folder, *, runs=8, samples=64) -> PeerImage:
         }
         for i, (x, material) in enumerate(BALLS.items())
     }
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "integrator": {"type": "path", "max_depth": 1000, "rr_depth": 1000},
-            "sky": {"type": "constant", "radiance": 0.3},
-            "sun": {"type": "directional", "direction": [-x for x in SUN], "irradiance": SUN_IRRADIANCE},
-            "point": {"type": "point", "position": list(POINT), "intensity": POINT_INTENSITY},
-            "quad": {
-                "type": "rectangle",
-                "to_world": transform()
-                .look_at(origin=list(QUAD_AT), target=[0, 0, 0], up=[0, 1, 0])
-                .scale([0.75, 0.5, 1]),
-                "bsdf": {"type": "diffuse", "reflectance": 0.0},
-                "emitter": {"type": "area", "radiance": QUAD_RADIANCE},
-            },
-            "ground": {
-                "type": "rectangle",
-                "to_world": transform().translate([0.2, 0, 0.2]).rotate([1, 0, 0], -90).scale(4.0),
-                "bsdf": mitsuba_material(GROUND),
-            },
-            **balls,
-            "sensor": {
-                "type": "perspective",
-                "fov": FOV,
-                "to_world": transform().look_at(origin=list(POSITION), target=list(TARGET), up=[0, 1, 0]),
-                "sampler": {"type": "independent"},
-                "film": film,
-            },
-        }
-    )
-    started = time.process_time()
-    images = [np.asarray(mi.render(scene, spp=samples, seed=300 + i))[..., :3] for i in range(runs)]
-    stack = np.stack(images).astype(float)
-    seconds = time.process_time() - started
-    return PeerImage(stack.mean(0), stack.var(0, ddof=1) / runs, runs * samples * SIZE**2, seconds)
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 1000, "rr_depth": 1000},
+        "sky": {"type": "constant", "radiance": 0.3},
+        "sun": {"type": "directional", "direction": [-x for x in SUN], "irradiance": SUN_IRRADIANCE},
+        "point": {"type": "point", "position": list(POINT), "intensity": POINT_INTENSITY},
+        "quad": {
+            "type": "rectangle",
+            "to_world": transform()
+            .look_at(origin=list(QUAD_AT), target=[0, 0, 0], up=[0, 1, 0])
+            .scale([0.75, 0.5, 1]),
+            "bsdf": {"type": "diffuse", "reflectance": 0.0},
+            "emitter": {"type": "area", "radiance": QUAD_RADIANCE},
+        },
+        "ground": {
+            "type": "rectangle",
+            "to_world": transform().translate([0.2, 0, 0.2]).rotate([1, 0, 0], -90).scale(4.0),
+            "bsdf": mitsuba_material(GROUND),
+        },
+        **balls,
+        "sensor": perspective_sensor(mi, position=POSITION, target=TARGET, fov_deg=FOV, size=SIZE),
+    }
+    return mitsuba_image(mi, scene, runs=8, samples=64, seed=300)
 
 
 @pytest.fixture(scope="module")

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-import time
-from statistics import NormalDist
 
 import numpy as np
 import pytest
 
-from tests.peers.mitsuba_volume import PeerImage
+from tests.peers.compared_pictures import (
+    PeerImage,
+    mitsuba_image,
+    perspective_sensor,
+    threshold,
+    weft_image,
+    welch,
+)
 from weft.renderer.config import ConstantLight, DirectionalLight, PerspectiveCamera, RenderConfig
 from weft.renderer.light_config import DiskLight, MeshLight, PointLight, QuadLight, SpotLight
-from weft.renderer.render import run
 from weft.renderer.scene import IsotropicPhase
 from weft.renderer.surface_config import DiffuseMaterial, GroundSurface, MeshSurface, Placement
 
@@ -21,8 +25,6 @@ from .volumes import VOXEL_MM, brick_origins, volume
 
 pytestmark = pytest.mark.gl
 
-ERROR_PROBABILITY = 1e-4
-"""Chance that a comparison below fails although both programs are right (two-sided, Sidak over the tiles)."""
 SIZE, TILE = 48, 8
 SUN, SUN_IRRADIANCE = (1.0, 2.0, 0.5), 2.0
 POSITION, TARGET, FOV = (2.5, 3.0, 4.0), (0.7, 0.2, 0.4), 30.0
@@ -91,24 +93,7 @@ def weft_picture(folder, grid) -> PeerImage:
             ),
         ],
     )
-    started = time.process_time()
-    result = run(config, volume(grid), {"a": IsotropicPhase((0.9,) * 3)})
-    variance = np.stack([result.layers[f"variance.{c}"] for c in "RGB"], -1).astype(float)
-    return PeerImage(
-        result.radiance.astype(float), variance, result.statistics.paths, time.process_time() - started
-    )
-
-
-def mitsuba_picture(folder, grid, *, runs=8, samples=56) -> PeerImage:
-    import mitsuba as mi
-
-    mi.set_variant("scalar_rgb")
-    scene = mi.load_dict(mitsuba_scene(mi, folder, grid))
-    started = time.process_time()
-    images = [np.asarray(mi.render(scene, spp=samples, seed=100 + i))[..., :3] for i in range(runs)]
-    stack = np.stack(images).astype(float)
-    seconds = time.process_time() - started
-    return PeerImage(stack.mean(0), stack.var(0, ddof=1) / runs, runs * samples * SIZE**2, seconds)
+    return weft_image(config, volume(grid), {"a": IsotropicPhase((0.9,) * 3)})
 
 
 def mitsuba_scene(mi, folder, grid) -> dict:
@@ -191,19 +176,7 @@ def mitsuba_scene(mi, folder, grid) -> dict:
                 "phase": {"type": "isotropic"},
             },
         },
-        "sensor": {
-            "type": "perspective",
-            "fov": FOV,
-            "to_world": transform().look_at(origin=list(POSITION), target=list(TARGET), up=[0, 1, 0]),
-            "sampler": {"type": "independent"},
-            "film": {
-                "type": "hdrfilm",
-                "width": SIZE,
-                "height": SIZE,
-                "rfilter": {"type": "box"},
-                "pixel_format": "rgb",
-            },
-        },
+        "sensor": perspective_sensor(mi, position=POSITION, target=TARGET, fov_deg=FOV, size=SIZE),
     }
 
 
@@ -211,21 +184,11 @@ def mitsuba_scene(mi, folder, grid) -> dict:
 def images(tmp_path_factory):
     pytest.importorskip("mitsuba", reason="Mitsuba 3 is not installed")
     folder, grid = tmp_path_factory.mktemp("ball"), blobs()
-    return weft_picture(folder, grid), mitsuba_picture(folder, grid)
+    import mitsuba as mi
 
-
-def tiles(image, tile):
-    n = SIZE // tile
-    return image.reshape(n, tile, n, tile, 3).sum(axis=(1, 3))
-
-
-def welch(a, b, tile):
-    error = np.sqrt(tiles(a.variance + b.variance, tile))
-    return tiles(a.mean - b.mean, tile) / np.maximum(error, 1e-5 * tile**2)
-
-
-def threshold(count):
-    return NormalDist().inv_cdf(1 - (1 - (1 - ERROR_PROBABILITY) ** (1 / count)) / 2)
+    mi.set_variant("scalar_rgb")
+    theirs = mitsuba_image(mi, mitsuba_scene(mi, folder, grid), runs=8, samples=56, seed=100)
+    return weft_picture(folder, grid), theirs
 
 
 def test_the_whole_picture_agrees_with_mitsuba(images):
