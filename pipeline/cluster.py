@@ -21,7 +21,7 @@ from typing import Any
 from weft.files.errors import InputError
 
 from .config import load
-from .frames import keep_picture
+from .frames import keep_picture, warning_of_turning
 from .job import Job
 from .openjd import block_ranges
 from .progress import Reporter
@@ -79,6 +79,8 @@ def _done_on_cluster(
     work: ClusterWork, address: str, jobs: int, report: Reporter, *, stages_first: bool
 ) -> list[Path]:
     loaded = [work.job(frame) for frame in work.frames]
+    if len(loaded) > 1 and (warning := warning_of_turning(*(job.config.yarns for job in loaded[:2]))):
+        report.note(warning)
     ranges = [block_ranges(job, work.blocks_per_task) for job in loaded]
     with _client(address, jobs) as client, report.work("render") as progress:
         from distributed import as_completed

@@ -90,6 +90,18 @@ def refuse_what_flickers(yarns: Any) -> None:
         )
 
 
+def warning_of_turning(first: Any, second: Any) -> str:
+    """A line where the [yarns] of two frames are different files without yarns at rest; else empty."""
+    if getattr(first, "kind", "") != "file" or first.rest is not None:
+        return ""
+    if (first.file, first.frame) == (second.file, second.frame):
+        return ""
+    return (
+        "note: yarns.rest is missing: fibers may turn about their yarn from one frame to the next; "
+        f"name the same yarns at rest, as rest = '{first.file.name}'"
+    )
+
+
 def keep_picture(job: Job, images: Iterable[str]) -> None:
     """The frame's pictures once more beside the folders of all frames, as NAME.0001.exr."""
     for name in images:

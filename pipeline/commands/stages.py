@@ -49,7 +49,7 @@ def run(
     """
     from weft.pipeline.config import load
     from weft.pipeline.fit_stage import run_fit_first
-    from weft.pipeline.frames import frame_numbers, keep_picture
+    from weft.pipeline.frames import frame_numbers, keep_picture, warning_of_turning
     from weft.pipeline.pictures_of import jobs_of_pictures, picture_files
     from weft.pipeline.progress import reporter
     from weft.pipeline.run import run_chain
@@ -72,10 +72,14 @@ def run(
         )
         run_on_cluster(work, cluster.cluster, jobs=cluster.jobs, report=report)
         return
-    for frame in numbers:
+    before = None
+    for number, frame in enumerate(numbers):
         if frame is not None:
             report.note(f"frame {frame}")
         loaded = load(job, overrides, options.output, frame=frame)
+        if number == 1 and (warning := warning_of_turning(before, loaded.config.yarns)):
+            report.note(warning)
+        before = loaded.config.yarns
         names = [name for name in targets(loaded) if not (fitted and name == "fit")]
         run_chain(loaded, CHAIN, names, report=report, force=how.force, resume=how.resume)
         if frame is not None and "render" in names:

@@ -88,6 +88,19 @@ def test_every_frame_has_its_results_and_only_what_changed_is_made_again(sequenc
     assert exit_code(["render", str(sequence), "--frame", "3"]) == 0
 
 
+def test_yarns_that_move_without_rest_are_warned_of_once(sequence, capsys):
+    def notes(*options):
+        assert exit_code(["run", str(sequence), "--frames", "1:3", *options]) == 0
+        return [line for line in capsys.readouterr().err.splitlines() if "yarns.rest is missing" in line]
+
+    sequence.write_text(SEQUENCE.partition("[fibers]")[0])
+    (note,) = notes()
+    assert note.endswith("name the same yarns at rest, as rest = 'cloth.0001.bcc'")
+    one_frame = sequence.parent / "simulated" / "cloth.0001.bcc"
+    assert not notes("--set", f"yarns.rest={one_frame}")
+    assert not notes("--set", f"yarns.file={one_frame}")
+
+
 def test_both_ends_of_a_range_are_frames():
     assert frame_numbers("1:3") == [1, 2, 3]
     assert frame_numbers("7") == [7]
