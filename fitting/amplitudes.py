@@ -52,7 +52,7 @@ def amplitude_choice(parameterization: Parameterization, channels: int) -> Ampli
 
 def lobe_columns(kinds: LobeKinds, channels: int, full: jax.Array, data: DirectionData) -> jax.Array:
     """The four functions that the amplitudes multiply, shape [N, 4]."""
-    lobes = lobe_parameters(full, channels)._replace(**data.tables)
+    lobes = lobe_parameters(full, channels)._replace(**data.held_shapes)
     along_around = lobe_densities(kinds, lobes, data.directions)
     s = schlick(jnp.cos(data.directions.theta_o))[data.directions.pair_theta_o[data.directions.pair]]
     columns = [data.factor * lobe for lobe in along_around.T]

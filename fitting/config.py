@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from weft.fiber_model.scattering.config import AzimuthalTable
-from weft.fiber_model.scattering.parameters import TABLES, Table, check_tables
+from weft.fiber_model.scattering.config import AzimuthalTable, Fraction, TailRatio
+from weft.fiber_model.scattering.parameters import TABLES, TAILS, Table, check_tables
 from weft.files.errors import InputError
 from weft.files.input_file import InputFile
 from weft.files.when_met import ByKind
@@ -158,6 +158,16 @@ class FitConfig(_Table):
     """N of TT; the width that it takes the place of is held at that of the nearest simple lobe."""
     azimuthal_table_trt: AzimuthalTable | None = None
     """N of TRT, likewise."""
+    tail_weight_r: Fraction | None = None
+    """Tails along the fiber as [scattering] has them, held as they are; so are all that follow."""
+    tail_weight_r_grazing: Fraction | None = None
+    tail_ratio_r: TailRatio | None = None
+    tail_weight_tt: Fraction | None = None
+    tail_weight_tt_grazing: Fraction | None = None
+    tail_ratio_tt: TailRatio | None = None
+    tail_weight_trt: Fraction | None = None
+    tail_weight_trt_grazing: Fraction | None = None
+    tail_ratio_trt: TailRatio | None = None
     gamma_trt: bool = True
     """Give TRT a width around the fiber; otherwise it is uniform, as in the thesis."""
     grazing: bool = False
@@ -209,6 +219,24 @@ class FitConfig(_Table):
     def tables(self) -> dict[str, Table]:
         """The tables that are given, by their names."""
         return {name: getattr(self, name) for name in TABLES if getattr(self, name) is not None}
+
+    @property
+    def held_shapes(self) -> dict[str, Any]:
+        """Tables and tails that are given, by their names."""
+        tails = {name: getattr(self, name) for name in TAILS if getattr(self, name) is not None}
+        return self.tables | tails
+
+    @model_validator(mode="after")
+    def _tails_fit(self) -> FitConfig:
+        for lobe in ("r", "tt", "trt"):
+            weight, ratio = f"tail_weight_{lobe}", f"tail_ratio_{lobe}"
+            given = [name for name in (weight, ratio, f"{weight}_grazing") if name in self.held_shapes]
+            missing = [name for name in (weight, ratio) if given and name not in given]
+            if missing:
+                raise ValueError(f"{given[0]} needs {missing[0]} beside it")
+            if given and self.longitudinal == "symmetric":
+                raise ValueError(f'{weight} cannot go with the longitudinal kind "symmetric"')
+        return self
 
     @model_validator(mode="after")
     def _tables_fit(self) -> FitConfig:

@@ -133,7 +133,7 @@ def scattering_parameters(x: Array, problem: FitProblem) -> FiberScatteringParam
         color_tt=color("color_tt"),
         color_trt=color("color_trt"),
     )
-    return replace(parameters, **(_along_fiber(x, config) | config.tables))
+    return replace(parameters, **(_along_fiber(x, config) | config.held_shapes))
 
 
 def _along_fiber(x: Array, config: FitConfig) -> dict[str, Any]:
@@ -173,7 +173,7 @@ def _correlations(covariance: Array) -> Array:
 
 
 def _predict_others(problem: FitProblem, x: Array, others: Measurements) -> Array:
-    data = direction_data(others, problem.config.tables)
+    data = direction_data(others, problem.config.held_shapes)
     values = predict(problem.residual.kinds, problem.channels, jnp.asarray(x), data)
     return np.asarray(values)[: len(others)]
 

@@ -47,7 +47,7 @@ class FitProblem:
         self.residual = DirectionResidual(
             lobe_kinds(config), self.channels, config.loss, config.robust, config.robust_sigmas
         )
-        self.data = self.weighted(direction_data(seen, config.tables), seen.values)
+        self.data = self.weighted(direction_data(seen, config.held_shapes), seen.values)
         _refuse_too_few(seen, self.parameterization)
 
     def weighted(self, data: DirectionData, expected: Array) -> DirectionData:

@@ -13,7 +13,7 @@ from weft.fiber_model.scattering.parameter_file import (
     ScatteringParameterFile,
     scalar_names,
 )
-from weft.fiber_model.scattering.parameters import TABLES
+from weft.fiber_model.scattering.parameters import TABLES, TAILS
 
 from .config import COLORS
 from .result import LEVELS, FitResult, FittedParameter
@@ -54,7 +54,7 @@ def _lobes(result: FitResult) -> LobesConfig:
         fresnel_tt_grazing=p.fresnel_tt_grazing,
         longitudinal=p.longitudinal,
         azimuthal=p.azimuthal,
-        **{name: getattr(p, name) for name in (*COLORS, *TABLES)},
+        **{name: getattr(p, name) for name in (*COLORS, *TABLES, *TAILS)},
     )
 
 

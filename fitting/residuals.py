@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from weft.fiber_model.scattering.parameters import Table
 from weft.fiber_model.scattering.phase_jax import (
     DistinctDirections,
     LobeKinds,
@@ -28,7 +27,7 @@ from .parameterization import SCALE, lobe_parameters
 import jax  # isort: skip  after phase_jax, which switches it to 64 bits
 import jax.numpy as jnp  # isort: skip
 
-_NO_TABLES: Mapping[str, Table] = {}
+_NONE: Mapping[str, Any] = {}
 SMALLEST = 1e-6
 """Values below this part of the largest are as good as zero to the cube root and the logarithm."""
 
@@ -53,8 +52,8 @@ class DirectionData(NamedTuple):
     """1 / sigma on the scale of the loss, shape [N, C]; 0 leaves the datum out."""
     peak: jax.Array
     """Largest value of each channel, shape [C]."""
-    tables: dict[str, jax.Array]
-    """Tables around the fiber that the fit holds, by the names of `LobeParameters`; often none."""
+    held_shapes: dict[str, jax.Array]
+    """Tables around the fiber and tails along it that the fit holds, by the names of `LobeParameters`."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ class DirectionResidual:
 
 def predict(kinds: LobeKinds, channels: int, full: jax.Array, data: DirectionData) -> jax.Array:
     """The model's value of the measured quantity, shape [N, C]."""
-    lobes = lobe_parameters(full, channels)._replace(**data.tables)
+    lobes = lobe_parameters(full, channels)._replace(**data.held_shapes)
     values = fiber_phase_eval(kinds, lobes, data.directions)
     return full[SCALE] * data.factor[:, None] * values
 
@@ -116,7 +115,7 @@ def transform_slope(loss: str, y: Any, peak: Any) -> Any:
     return 1 / (1e3 * SMALLEST * peak + np.abs(y))
 
 
-def direction_data(measurements: Measurements, tables: Mapping[str, Table] = _NO_TABLES) -> DirectionData:
+def direction_data(measurements: Measurements, held_shapes: Mapping[str, Any] = _NONE) -> DirectionData:
     """With weights of one; noise.py gives the right ones."""
     if measurements.quantity == "brdf":
         raise InputError(
@@ -134,7 +133,7 @@ def direction_data(measurements: Measurements, tables: Mapping[str, Table] = _NO
     peak = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
     padded = DistinctDirections(*map(_padded, directions))
     weights = _padded(np.ones_like(values), with_zeros=True)
-    held = {name: jnp.asarray(table, float) for name, table in tables.items()}
+    held = {name: jnp.asarray(table, float) for name, table in held_shapes.items()}
     return DirectionData(padded, _padded(factor), _padded(values), weights, jnp.asarray(peak), held)
 
 

@@ -283,6 +283,7 @@ FIBER_CODE = ("fiber_model",)
 LOBE_CODE = (
     "fiber_model/scattering/phase.py",
     "fiber_model/scattering/symmetric.py",
+    "fiber_model/scattering/tail.py",
     "fiber_model/scattering/azimuthal.py",
     "fiber_model/scattering/azimuthal_table.py",
     "fiber_model/scattering/longitudinal.py",

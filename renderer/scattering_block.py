@@ -58,6 +58,9 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
     ("grow_around", 1, "gamma of TT and TRT for light along the fiber, less that at normal incidence"),
     ("grow_tt", 1, "rgb: C_TT T for light along the fiber, less energy_tt"),
     ("grow_trt", 1, "rgb: C_TRT (1 - T) for light along the fiber, less energy_trt"),
+    ("tail_weight", 1, "part of M in its tail"),
+    ("grow_tail", 1, "the same for light along the fiber, less tail_weight"),
+    ("tail_ratio", 1, "width of the tail over beta"),
 )
 FLOATS_PER_MEDIUM = 4 * sum(count for _, count, _ in FIELDS)
 BLOCK_SHADER = Path(__file__).parent / "shaders" / "phase" / "fiber_block.glsl"
@@ -114,12 +117,18 @@ def tabulated_share(media: Sequence[FiberScatteringParameters]) -> int:
     return int(any(azimuthal_row_count(one) for one in media))
 
 
+def tail_share(media: Sequence[FiberScatteringParameters]) -> int:
+    """The constant FIBER_TAILS: 1 where a lobe of a medium has a tail."""
+    return int(any(one.has_tails for one in media))
+
+
 def phase_constants(media: Sequence[FiberScatteringParameters]) -> dict[str, int]:
     """What phase/fiber.glsl is compiled for: code that no medium needs is left out."""
     return {
         "FIBER_SYMMETRIC": symmetric_share(media),
         "FIBER_GRAZING": grazing_share(media),
         "FIBER_TABULATED": tabulated_share(media),
+        "FIBER_TAILS": tail_share(media),
     }
 
 
@@ -136,7 +145,8 @@ def block_values(parameters: FiberScatteringParameters) -> dict[str, Row]:
         "width": _vec4(betas, KINDS[kind]),
         "around_tt": _around(parameters, "tt"),
         "around_trt": _around(parameters, "trt"),
-    } | _growth(parameters)
+    }
+    values |= _growth(parameters) | _tails(parameters)
     if kind == "gaussian":
         return values | _gaussian_constants(betas, betas + values["grow_width"][0, :3])
     nothing = {name: np.zeros((count, 4)) for name, count, _ in FIELDS if name.startswith("norm_")}
@@ -161,6 +171,19 @@ def _growth(parameters: FiberScatteringParameters) -> dict[str, Row]:
         "grow_around": _vec4([*around, 0.0]),
         "grow_tt": _vec4(np.multiply(parameters.color_tt, t)),
         "grow_trt": _vec4(np.multiply(parameters.color_trt, -t)),
+    }
+
+
+def _tails(parameters: FiberScatteringParameters) -> dict[str, Row]:
+    """A lobe without a tail has the weight 0, and a ratio that keeps its density finite."""
+    lobes = ("r", "tt", "trt")
+    weights = np.array([getattr(parameters, f"tail_weight_{lobe}") or 0.0 for lobe in lobes])
+    along = np.array([parameters.at_grazing(f"tail_weight_{lobe}") or 0.0 for lobe in lobes])
+    ratios = [getattr(parameters, f"tail_ratio_{lobe}") or 1.0 for lobe in lobes]
+    return {
+        "tail_weight": _vec4(weights),
+        "grow_tail": _vec4(along - weights),
+        "tail_ratio": _vec4(ratios),
     }
 
 

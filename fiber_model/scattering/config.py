@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from weft.files.input_file import InputFile
 
-from .parameters import GRAZING, KNOTS, ROWS, FiberScatteringParameters
+from .parameters import GRAZING, KNOTS, ROWS, TAIL_RATIO, TAILS, FiberScatteringParameters
 
 
 def _three_channels(value: Any) -> Any:
@@ -42,6 +42,7 @@ AzimuthalWidthOrUniform = Annotated[
     BeforeValidator(_none_for_uniform, json_schema_input_type=AzimuthalWidth | Literal["uniform"]),
 ]
 
+TailRatio = Annotated[float, Field(ge=TAIL_RATIO[0], le=TAIL_RATIO[1])]
 Density = Annotated[float, Field(ge=0)]
 TableRow = Annotated[tuple[Density, ...], Field(min_length=KNOTS[0], max_length=KNOTS[1])]
 AzimuthalTable = Annotated[
@@ -110,6 +111,25 @@ class LobesConfig(BaseModel):
     """TT around the fiber, in place of azimuthal_width_tt_deg: for fibers that are not round."""
     azimuthal_table_trt: AzimuthalTable | None = None
     """TRT around the fiber, in place of azimuthal_width_trt_deg."""
+    tail_weight_r: Fraction | None = None
+    """Part of R in a heavy tail along the fiber, for light at a right angle: a rough fiber's lobes fall off
+    more slowly than a Gaussian. Default: no tail. None of these beside the kind "symmetric"."""
+    tail_weight_r_grazing: Fraction | None = None
+    """The same for light along the fiber; between, it goes with 1 - cos(inclination). Default: no change."""
+    tail_ratio_r: TailRatio | None = None
+    """Width of the tail over beta_R."""
+    tail_weight_tt: Fraction | None = None
+    """Part of TT in its tail."""
+    tail_weight_tt_grazing: Fraction | None = None
+    """The same for light along the fiber."""
+    tail_ratio_tt: TailRatio | None = None
+    """Width of the tail over beta_TT."""
+    tail_weight_trt: Fraction | None = None
+    """Part of TRT in its tail."""
+    tail_weight_trt_grazing: Fraction | None = None
+    """The same for light along the fiber."""
+    tail_ratio_trt: TailRatio | None = None
+    """Width of the tail over beta_TRT."""
 
     @classmethod
     def from_parameters(cls, parameters: FiberScatteringParameters) -> Self:
@@ -142,6 +162,7 @@ class LobesConfig(BaseModel):
             azimuthal_table_tt=self.azimuthal_table_tt,
             azimuthal_table_trt=self.azimuthal_table_trt,
             **grazing,
+            **{name: getattr(self, name) for name in TAILS},
         )
 
     def _grazing(self, name: str) -> float | None:

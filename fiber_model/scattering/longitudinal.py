@@ -99,9 +99,14 @@ def vmf_eval(theta_o: ArrayLike, theta_i: ArrayLike, beta: Width) -> Array:
 
 def vmf_sample(theta_o: ArrayLike, beta: Width, u1: ArrayLike, u2: ArrayLike) -> Array:
     """Inclination of a von Mises-Fisher direction drawn about the specular cone (d'Eon et al. 2013)."""
-    theta_o, u1 = np.asarray(theta_o, dtype=np.float64), np.asarray(u1, dtype=np.float64)
+    u1 = np.asarray(u1, dtype=np.float64)
     v = beta**2
-    drop = -v * np.log(u1 + (1 - u1) * np.exp(-2 / v))  # 1 - cos of the angle to the cone
+    return inclination_about_cone(theta_o, -v * np.log(u1 + (1 - u1) * np.exp(-2 / v)), u2)
+
+
+def inclination_about_cone(theta_o: ArrayLike, drop: Array, u2: ArrayLike) -> Array:
+    """Of a direction whose angle to one of the specular cone has the cosine 1 - drop, in a random turn."""
+    theta_o = np.asarray(theta_o, dtype=np.float64)
     side = np.sqrt(drop * (2 - drop))
     angle = 2 * np.pi * np.asarray(u2, dtype=np.float64)
     along = -(1 - drop) * np.sin(theta_o) + side * np.cos(angle) * np.cos(theta_o)

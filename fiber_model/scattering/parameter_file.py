@@ -63,7 +63,7 @@ def scalar_names() -> tuple[str, ...]:
     for name in LobesConfig.model_fields:
         if name in COLORS:
             names += [f"{name}.{channel}" for channel in CHANNELS]
-        elif name.endswith("_deg") or name.startswith("fresnel_tt"):
+        elif name.endswith("_deg") or name.startswith(("fresnel_tt", "tail_")):
             names.append(name)
     return tuple(names)
 

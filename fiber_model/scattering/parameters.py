@@ -24,6 +24,13 @@ Table = tuple[tuple[float, ...], ...]
 """Rows of densities around the fiber, see azimuthal_table.py."""
 ROWS, KNOTS = (1, 4), (9, 129)
 """Fewest and most rows of a table, and numbers of a row."""
+TAILS = tuple(
+    f"tail_{name}"
+    for lobe in ("r", "tt", "trt")
+    for name in (f"weight_{lobe}", f"weight_{lobe}_grazing", f"ratio_{lobe}")
+)
+"""Of each lobe: its tail's part for light at a right angle and along the fiber, and its width over beta."""
+TAIL_RATIO = (0.25, 4.0)
 TABLES = ("azimuthal_table_r", "azimuthal_table_tt", "azimuthal_table_trt")
 
 
@@ -63,11 +70,28 @@ class FiberScatteringParameters:
     azimuthal_table_tt: Table | None = None
     """N_TT; `azimuthal_width_tt` then is only the width of the simple lobe that comes nearest."""
     azimuthal_table_trt: Table | None = None
+    tail_weight_r: float | None = None
+    """Part of R that lies in a heavy tail along the fiber, see tail.py, for light at a right angle. None: R
+    has no tail."""
+    tail_weight_r_grazing: float | None = None
+    """For light along the fiber; None: the same."""
+    tail_ratio_r: float | None = None
+    """Width of the tail over that of the lobe, `longitudinal_width_r`, with which it grows."""
+    tail_weight_tt: float | None = None
+    tail_weight_tt_grazing: float | None = None
+    tail_ratio_tt: float | None = None
+    tail_weight_trt: float | None = None
+    tail_weight_trt_grazing: float | None = None
+    tail_ratio_trt: float | None = None
 
     @property
     def tables(self) -> tuple[Table | None, Table | None, Table | None]:
         """Tables around the fiber of the lobes R, TT, TRT."""
         return self.azimuthal_table_r, self.azimuthal_table_tt, self.azimuthal_table_trt
+
+    @property
+    def has_tails(self) -> bool:
+        return any(getattr(self, name) is not None for name in TAILS)
 
     @property
     def varies_with_angle(self) -> bool:
@@ -90,10 +114,14 @@ class FiberScatteringParameters:
                 _check_angle(field.name, value, 0.5, 60.0)
             elif field.name.startswith("azimuthal_width"):
                 _check_angle(field.name, value, 2.0, 300.0)
+            elif field.name.startswith("tail_ratio"):
+                _check_ratio(field.name, value)
             else:
                 _check_unit_interval(field.name, value)
         self._check_grazing()
         self._check_tables()
+        for lobe in ("r", "tt", "trt"):
+            self._check_tail(lobe)
 
     def _check_grazing(self) -> None:
         if self.longitudinal == "symmetric" and self.varies_with_angle:
@@ -107,6 +135,27 @@ class FiberScatteringParameters:
             _check_growth(f"longitudinal_width_{lobe}_grazing", self)
         if self.azimuthal_width_trt is None and self.azimuthal_width_trt_grazing is not None:
             raise InputError("scattering: azimuthal_width_trt_grazing needs azimuthal_width_trt, not uniform")
+
+    def _check_tail(self, lobe: str) -> None:
+        weight, ratio = f"tail_weight_{lobe}", f"tail_ratio_{lobe}"
+        given = [name for name in (weight, ratio, f"{weight}_grazing") if getattr(self, name) is not None]
+        if not given:
+            return
+        for needed in (weight, ratio):
+            if needed not in given:
+                raise InputError(f"scattering: {given[0]} needs {needed} beside it")
+        if self.longitudinal == "symmetric":
+            raise InputError(
+                f"scattering: {weight} cannot go with the longitudinal kind 'symmetric'",
+                hint="Take the kind 'gaussian' or 'vmf', or leave the tails out.",
+            )
+        width = f"longitudinal_width_{lobe}"
+        narrowest = getattr(self, ratio) * min(getattr(self, width), self.at_grazing(width) or 0.0)
+        if math.degrees(narrowest) < 0.5 - 1e-9:
+            raise InputError(
+                f"scattering: {ratio} makes a tail of {math.degrees(narrowest):.3g} deg; its width, the "
+                f"ratio times {width}, must be at least 0.5 deg"
+            )
 
     def _check_tables(self) -> None:
         given = {name: getattr(self, name) for name in TABLES if getattr(self, name) is not None}
@@ -166,6 +215,14 @@ def _check_growth(name: str, parameters: FiberScatteringParameters) -> None:
         raise InputError(
             f"scattering: {name} is {math.degrees(grazing):g} deg; it must lie between half the width at "
             f"normal incidence ({0.5 * math.degrees(normal):g} deg) and 45 deg"
+        )
+
+
+def _check_ratio(name: str, value: float) -> None:
+    if not TAIL_RATIO[0] <= value <= TAIL_RATIO[1]:
+        raise InputError(
+            f"scattering: {name} is {value:g}; a tail's width over the lobe's must lie in "
+            f"[{TAIL_RATIO[0]:g}, {TAIL_RATIO[1]:g}]"
         )
 
 

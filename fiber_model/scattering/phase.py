@@ -10,7 +10,7 @@ numpy twin of renderer/shaders/phase/fiber.glsl.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ from .azimuthal_table import table_eval, table_sample
 from .longitudinal import gaussian_eval, gaussian_sample, vmf_eval, vmf_sample
 from .parameters import FiberScatteringParameters, Table
 from .symmetric import symmetric_eval, symmetric_sample
+from .tail import tail_eval, tail_sample
 
 Array = NDArray[np.float64]
 
@@ -142,7 +143,30 @@ def longitudinal_densities(
         lobes = zip((*widths, widths[R]), SYMMETRIC_MARGINALS, strict=True)
         return [symmetric_eval(theta_o, theta_i, beta, marginal) for beta, marginal in lobes]
     evaluate = gaussian_eval if parameters.longitudinal == "gaussian" else vmf_eval
-    return [evaluate(theta_o, theta_i, beta) for beta in widths]
+    bodies = [evaluate(theta_o, theta_i, beta) for beta in widths]
+    return [
+        body if tail is None else body + tail.weight * (tail_eval(theta_o, theta_i, tail.width) - body)
+        for body, tail in zip(bodies, tails(parameters, theta_o), strict=False)
+    ]
+
+
+class Tail(NamedTuple):
+    """Of one lobe: one number each, or of the shape of theta_o."""
+
+    weight: Any
+    """Part of M that lies in the tail."""
+    width: Any
+    """Radians."""
+
+
+def tails(parameters: FiberScatteringParameters, theta_o: ArrayLike) -> list[Tail | None]:
+    """Of the four lobes; None where a lobe has no tail."""
+    found: list[Tail | None] = []
+    for lobe, beta in zip(("r", "tt", "trt"), longitudinal_widths(parameters, theta_o), strict=True):
+        weight = at_inclination(parameters, f"tail_weight_{lobe}", np.cos(theta_o))
+        ratio = getattr(parameters, f"tail_ratio_{lobe}")
+        found.append(None if weight is None else Tail(weight, ratio * beta))
+    return [*found, None]
 
 
 def longitudinal_widths(
@@ -176,11 +200,18 @@ def _sample_lobes(parameters: FiberScatteringParameters, wo: Array, lobe: Array,
     theta, phi = np.empty(lobe.shape), np.empty(lobe.shape)
     widths = longitudinal_widths(parameters, theta_o)
     gammas, tables = azimuthal_widths(parameters, theta_o), azimuthal_tables(parameters)
+    all_tails = tails(parameters, theta_o)
     for k, (all_betas, all_gammas) in enumerate(zip((*widths, widths[R]), gammas, strict=True)):
         of_lobe = lobe == k
         beta, gamma = (width[of_lobe] if np.ndim(width) else width for width in (all_betas, all_gammas))
-        v = u[of_lobe]
-        theta[of_lobe] = _longitudinal_sample(parameters.longitudinal, k, theta_o[of_lobe], beta, v)
+        v, tail, at = u[of_lobe], all_tails[k], theta_o[of_lobe]
+        if tail is None:
+            theta[of_lobe] = _longitudinal_sample(parameters.longitudinal, k, at, beta, v)
+        else:
+            weight, width = (np.broadcast_to(value, lobe.shape)[of_lobe] for value in tail)
+            in_tail, v = _into_tail(weight, v)
+            body = _longitudinal_sample(parameters.longitudinal, k, at, beta, v)
+            theta[of_lobe] = np.where(in_tail, tail_sample(at, width, v[:, 1], v[:, 2]), body)
         table = tables[k]
         if table is None:
             around = _azimuthal_sample(parameters.azimuthal, gamma, v[:, 3])
@@ -188,6 +219,15 @@ def _sample_lobes(parameters: FiberScatteringParameters, wo: Array, lobe: Array,
             around = table_sample(table, np.cos(theta_o[of_lobe]), v[:, 3])
         phi[of_lobe] = CENTERS[k] + around
     return _direction(theta, azimuth_o + phi)
+
+
+def _into_tail(weight: Array, u: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Which samples lie in the tail, by the third number; what is left of it is uniform again."""
+    in_tail = u[:, 2] < weight
+    part, first = np.where(in_tail, weight, 1 - weight), np.where(in_tail, 0.0, weight)
+    left = u.copy()
+    left[:, 2] = (u[:, 2] - first) / part
+    return in_tail, left
 
 
 def _longitudinal_sample(kind: str, lobe: int, theta_o: Array, beta: float | Array, u: Array) -> Array:

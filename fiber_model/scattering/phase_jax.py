@@ -66,6 +66,16 @@ class LobeParameters(NamedTuple):
     """Densities of N_R, [rows, knots], in place of the uniform one; normalized where they are used."""
     azimuthal_table_tt: jax.Array | None = None
     azimuthal_table_trt: jax.Array | None = None
+    tail_weight_r: jax.Array | None = None
+    """Of each lobe's tail, as `FiberScatteringParameters` has them; without a weight there is none."""
+    tail_weight_r_grazing: jax.Array | None = None
+    tail_ratio_r: jax.Array | None = None
+    tail_weight_tt: jax.Array | None = None
+    tail_weight_tt_grazing: jax.Array | None = None
+    tail_ratio_tt: jax.Array | None = None
+    tail_weight_trt: jax.Array | None = None
+    tail_weight_trt_grazing: jax.Array | None = None
+    tail_ratio_trt: jax.Array | None = None
 
     @property
     def tables(self) -> tuple[jax.Array | None, ...]:
@@ -173,12 +183,37 @@ def _along(
             for beta, marginal in zip((*widths, widths[0]), SYMMETRIC_MARGINALS, strict=True)
         )
     if kinds.longitudinal == "vmf":
-        return tuple(vmf_eval(theta_o, theta_i, _per_pair(beta, directions)) for beta in widths)
+        lobes = [vmf_eval(theta_o, theta_i, _per_pair(beta, directions)) for beta in widths]
+    else:
+        lobes = [
+            _gaussian_cos(theta_o, theta_i, _per_pair(beta, directions))
+            / gaussian_normalization(directions.theta_o, beta)[directions.pair_theta_o]
+            for beta in widths
+        ]
     return tuple(
-        _gaussian_cos(theta_o, theta_i, _per_pair(beta, directions))
-        / gaussian_normalization(directions.theta_o, beta)[directions.pair_theta_o]
-        for beta in widths
+        _with_tail(parameters, name, lobe, theta_o, theta_i, _per_pair(beta, directions))
+        for name, lobe, beta in zip(("r", "tt", "trt"), lobes, widths, strict=True)
     )
+
+
+def _with_tail(
+    parameters: LobeParameters,
+    name: str,
+    lobe: jax.Array,
+    theta_o: jax.Array,
+    theta_i: jax.Array,
+    beta: jax.Array,
+) -> jax.Array:
+    """M of a lobe with what lies in its tail, as phase.py."""
+    weight, grazing, ratio = (
+        getattr(parameters, f"tail_{part}")
+        for part in (f"weight_{name}", f"weight_{name}_grazing", f"ratio_{name}")
+    )
+    if weight is None:
+        return lobe
+    if grazing is not None:
+        weight = weight + (grazing - weight) * (1 - jnp.cos(theta_o))
+    return lobe + weight * (tail_eval(theta_o, theta_i, ratio * beta) - lobe)
 
 
 def _per_pair(width: jax.Array, directions: DistinctDirections) -> jax.Array:
@@ -285,6 +320,14 @@ def vmf_eval(theta_o: jax.Array, theta_i: jax.Array, beta: jax.Array) -> jax.Arr
     exponent = -2 * jnp.sin(0.5 * (theta_i + theta_o)) ** 2 / v
     bessel = jax.scipy.special.i0e(jnp.cos(theta_o) * jnp.cos(theta_i) / v)
     return jnp.exp(exponent) * bessel / (v * -jnp.expm1(-2 / v))
+
+
+def tail_eval(theta_o: jax.Array, theta_i: jax.Array, width: jax.Array) -> jax.Array:
+    """As tail.py."""
+    s = width**2
+    near = s + 2 * jnp.sin(0.5 * (theta_o + theta_i)) ** 2
+    far = s + 2 * jnp.cos(0.5 * (theta_o - theta_i)) ** 2
+    return 0.25 * s * (s + 2) * (near + far) / (near * far) ** 1.5
 
 
 def wrapped_normal_eval(phi: jax.Array, gamma: jax.Array) -> jax.Array:

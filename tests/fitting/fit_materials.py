@@ -22,13 +22,13 @@ from tests.fitting.material_lobes import (
     ORDERS,
     bin_probabilities,
     energies_alone,
+    lobes_along,
     shapes_at_normal_incidence,
     tables_alone,
-    widths_alone,
 )
 from weft.fiber_model.optics.light_transport import run as simulate
 from weft.fiber_model.optics.materials import MATERIALS, material_optics
-from weft.fiber_model.scattering.parameters import TABLES
+from weft.fiber_model.scattering.parameters import TABLES, TAILS
 from weft.fiber_model.scattering.phase import azimuthal_densities, fiber_phase_albedo, fiber_phase_eval
 from weft.files.atomic import atomic_write
 from weft.fitting.config import FitConfig
@@ -129,12 +129,23 @@ def _of_lobes(result, parameters) -> np.ndarray:
 def near(energies, alone) -> dict[str, dict]:
     """Energies held, every width along the fiber within a fifth of what it is alone."""
     bounds: dict[str, dict] = {name: {"fixed": value} for name, value in energies.items()}
-    for lobe, widths in alone.items():
-        beta, beta_along = np.degrees(widths)
+    for lobe, shape in alone.items():
+        beta, beta_along = np.degrees(shape[:2])
         bounds[f"longitudinal_width_{lobe}_deg"] = _within_a_fifth(beta, 0.5, 60)
         # not below half of the largest beta: the model takes no more
         bounds[f"longitudinal_width_{lobe}_grazing_deg"] = _within_a_fifth(beta_along, 0.6 * beta, 45)
     return bounds
+
+
+def tails_of(shapes) -> dict[str, float]:
+    values = {}
+    for lobe, shape in shapes.items():
+        values |= {
+            f"tail_weight_{lobe}": shape.weight,
+            f"tail_weight_{lobe}_grazing": shape.weight_along,
+            f"tail_ratio_{lobe}": shape.ratio,
+        }
+    return values
 
 
 def _within_a_fifth(width: float, least: float, most: float) -> dict[str, float]:
@@ -160,8 +171,10 @@ def fit_material(name: str, shape: str, paths: int, *, constant: bool):
     settings = {"starts": 12}
     if not constant:
         tables = tables_alone(result, seen)
-        parameters = near(energies_alone(result, seen), widths_alone(result, seen, tables))
-        settings = {"grazing": True, "parameters": parameters, "starts": 1}
+        energies = energies_alone(result, seen)
+        shapes = lobes_along(result, seen, tables, energies)
+        parameters = near(energies, shapes)
+        settings = {"grazing": True, "parameters": parameters, "starts": 1} | tails_of(shapes)
         settings |= {f"azimuthal_table_{lobe}": table for lobe, table in tables.items()}
     asked = FitConfig.model_validate(
         {"measurements": [__file__], "held_out_theta_i_deg": HELD_OUT_DEG, "errors": "scaled"} | settings
@@ -192,6 +205,7 @@ def preset_text(name: str, shape: str, optics, fitted, variations: Variations) -
     lines += [f"{key} = {round(values[key], 6):.4g}" for key in keys]
     for key in ("fresnel_r", "color_r", "color_tt", "color_trt"):
         lines.append(f"{key} = [{', '.join(f'{value:.4g}' for value in getattr(p, key))}]")
+    lines += [f"{name} = {getattr(p, name):.4g}" for name in TAILS if getattr(p, name) is not None]
     for name_of_table in TABLES:
         lines += table_lines(name_of_table, getattr(p, name_of_table) or ())
     return "\n".join(lines) + "\n"

@@ -6,15 +6,17 @@ that the fit to the sum can start there and stay near; TRT stands for all that w
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
 from weft.fiber_model.scattering.azimuthal import wrapped_normal_eval
 from weft.fiber_model.scattering.azimuthal_table import knot_masses, row_shares, table_eval
+from weft.fiber_model.scattering.tail import tail_eval
 
 ORDERS = {"r": ("R",), "tt": ("TT",), "trt": ("TRT", "rest")}
 CENTER = {"r": None, "tt": np.pi, "trt": 0.0}
-LONGITUDINAL = np.radians([0.5, 45.0])
 ROWS, KNOTS, SMOOTHING = 2, 33, 1e-3
 _INSIDE_BIN = (np.arange(5) + 0.5) / 5
 
@@ -86,31 +88,78 @@ def _hats(phi):
     return hats.mean(axis=1) * (phi[1] - phi[0])
 
 
-def widths_alone(histogram, seen, tables):
-    """beta [rad] at normal incidence and along the fiber, {lobe: [2]}; of lights `seen`, N by the tables."""
-    return {
-        lobe: _widths_of_one(histogram, orders, tables[lobe], CENTER[lobe] or 0.0, seen)
-        for lobe, orders in ORDERS.items()
+class Along(NamedTuple):
+    """One lobe along the fiber: beta [rad] and the tail's part, at normal incidence and along the fiber."""
+
+    beta: float
+    beta_along: float
+    ratio: float
+    weight: float
+    weight_along: float
+
+
+START = Along(*np.radians([8.0, 10.0]), 1.2, 0.4, 0.4)
+LOWEST = Along(*np.radians([2.0, 2.0]), 0.25, 0.0, 0.0)
+HIGHEST = Along(*np.radians([60.0, 45.0]), 4.0, 1.0, 1.0)
+
+
+def lobes_along(histogram, seen, tables, energies) -> dict[str, Along]:
+    """Shapes along the fiber, N by the tables: each lobe to its own light, then all together with the model's
+    energies to all light, the widths within a fifth of what they were. Of lights `seen`; least squares of
+    roots of probabilities, near a minimum of the total variation, but smooth.
+    """
+    lights, bins = histogram.theta_i[seen], histogram.bins
+    own = {lobe: bin_probabilities(histogram, orders)[seen] for lobe, orders in ORDERS.items()}
+    turns = {
+        lobe: [table_masses(tables[lobe], bins.phi - (CENTER[lobe] or 0.0), light) for light in lights]
+        for lobe in ORDERS
     }
 
+    of_model = modeled_energies(energies, lights)
 
-def _widths_of_one(histogram, orders, table, center, seen):
-    """Least squares of the roots of probabilities: near a minimum of the total variation, but smooth."""
-    found = bin_probabilities(histogram, orders)
-    lights, bins = histogram.theta_i, histogram.bins
+    def shapes(x):
+        return np.array([tailed_along(bins.theta_edges, light, Along(*x)) for light in lights])
 
-    def residuals(logs):
-        beta, beta_along = np.exp(logs)
-        parts = []
-        for i in np.flatnonzero(seen):
-            width = beta + (beta_along - beta) * (1 - np.cos(lights[i]))
-            turn = table_masses(table, bins.phi - center, lights[i])
-            model = np.outer(along(bins.theta_edges, lights[i], width), turn)
-            parts.append((np.sqrt(found[i].sum() * model) - np.sqrt(found[i])).ravel())
-        return np.concatenate(parts)
+    def alone(lobe):
+        light = own[lobe].sum(2)
+        energy, root = light.sum(1, keepdims=True), np.sqrt(light)
+        return least_squares(
+            lambda x: (np.sqrt(energy * shapes(x)) - root).ravel(),
+            START,
+            bounds=(LOWEST, HIGHEST),
+            x_scale=START,
+        ).x
 
-    low, high = np.log([LONGITUDINAL, LONGITUDINAL]).T
-    return np.exp(least_squares(residuals, np.log(np.radians([8.0, 10.0])), bounds=(low, high)).x)
+    def together(x):
+        parts = [
+            (of_model[lobe][:, None] * shapes(of_lobe))[:, :, None] * np.array(turns[lobe])[:, None, :]
+            for lobe, of_lobe in zip(ORDERS, x.reshape(3, -1), strict=True)
+        ]
+        return (np.sqrt(sum(parts)) - all_light).ravel()
+
+    all_light = np.sqrt(sum(own.values()))
+    start = np.array([alone(lobe) for lobe in ORDERS])
+    low, high = np.array([LOWEST] * 3), np.array([HIGHEST] * 3)
+    low[:, :2] = np.maximum(low, start / 1.2)[:, :2]
+    high[:, :2] = np.minimum(high, start * 1.2)[:, :2]
+    start = np.clip(start, low + 1e-9, high - 1e-9).ravel()
+    scale = np.maximum(start, 0.05)
+    found = least_squares(
+        together, start, bounds=(low.ravel(), high.ravel()), x_scale=scale, ftol=1e-5, max_nfev=15
+    )
+    # tails as the presets have them; `weft fit` refines the widths
+    rounded = [[*of_lobe[:2], *np.round(of_lobe[2:], 4)] for of_lobe in found.x.reshape(3, -1)]
+    return {lobe: Along(*map(float, values)) for lobe, values in zip(ORDERS, rounded, strict=True)}
+
+
+def tailed_along(theta_edges, light, shape: Along):
+    """Probability of each bin of inclination under a lobe with a tail."""
+    u = 1 - np.cos(light)
+    beta = shape.beta + (shape.beta_along - shape.beta) * u
+    weight = shape.weight + (shape.weight_along - shape.weight) * u
+    theta = theta_edges[:-1, None] + np.diff(theta_edges)[:, None] * _INSIDE_BIN
+    tail = (tail_eval(light, theta, shape.ratio * beta) * np.cos(theta)).mean(axis=1) * np.diff(theta_edges)
+    return (1 - weight) * along(theta_edges, light, beta) + weight * tail / tail.sum()
 
 
 def energies_alone(histogram, seen):
@@ -145,6 +194,15 @@ def energies_alone(histogram, seen):
         "color_tt": tuple(x[3:6]),
         "color_trt": tuple(x[6:]),
     }
+
+
+def modeled_energies(energies, lights):
+    """Light of each lobe, green, by what `energies_alone` found; {lobe: [I]}."""
+    u = 1 - np.cos(lights)
+    fresnel = energies["fresnel_r"] + (1 - energies["fresnel_r"]) * u**5
+    t = energies["fresnel_tt"] + (energies["fresnel_tt_grazing"] - energies["fresnel_tt"]) * u
+    tt, trt = energies["color_tt"][1] * t, energies["color_trt"][1] * (1 - t)
+    return {"r": fresnel, "tt": (1 - fresnel) * tt, "trt": (1 - fresnel) * trt}
 
 
 def shapes_at_normal_incidence(histogram, *, blur_deg=0.0):

@@ -15,6 +15,10 @@
 #if FIBER_TABULATED > 0
 #include "phase/fiber_azimuthal_table.glsl"
 #endif
+#constant FIBER_TAILS  // 1 where a lobe of a medium has a tail
+#if FIBER_TAILS > 0
+#include "phase/fiber_tail.glsl"
+#endif
 
 // What depends on wo only. Compute it once per vertex and share it between light sampling and scattering. All functions
 // that take it want the medium as fiber_at_inclination gives it for that wo.
@@ -28,6 +32,10 @@ struct FiberLobes {
     vec3 energy_grazing; // what Schlick's term adds to R: apart for the longitudinal kind symmetric, else zero
     vec4 chance;         // of choosing a lobe, by its largest channel; sums to one, a black fiber takes R
     vec4 along_scale;    // normalization of M per lobe; its logarithm for symmetric
+#if FIBER_TAILS > 0
+    vec3 tail_weight;
+    vec3 tail_spread;
+#endif
 };
 
 bool fiber_is_symmetric(FiberScattering s) {
@@ -58,6 +66,11 @@ FiberLobes fiber_lobes(FiberScattering s, vec3 wo) {
     lobes.energy_tt = s.energy_tt.rgb * entering;
     lobes.energy_trt = s.energy_trt.rgb * entering;
     lobes.energy_grazing = vec3(0.0);
+#if FIBER_TAILS > 0
+    vec3 tail_width = s.tail_ratio.xyz * s.width.xyz;
+    lobes.tail_weight = s.tail_weight.xyz + grazing * s.grow_tail.xyz;
+    lobes.tail_spread = tail_width * tail_width;
+#endif
 #if FIBER_SYMMETRIC > 0
     if (fiber_is_symmetric(s)) {
         lobes.energy_r = s.energy_r.rgb * s.fresnel_r.rgb;
@@ -101,7 +114,11 @@ vec4 fiber_lobe_densities(FiberScattering s, FiberLobes lobes, vec3 wi) {
     }
 #endif
     vec3 scale = lobes.along_scale.xyz;
-    return vec4(fiber_longitudinal_eval(s, scale, lobes.sin_o, lobes.cos_o, wi.x, cos_i) * around, 0.0);
+    vec3 along = fiber_longitudinal_eval(s, scale, lobes.sin_o, lobes.cos_o, wi.x, cos_i);
+#if FIBER_TAILS > 0
+    along = mix(along, fiber_tail_eval(lobes.tail_spread, lobes.sin_o, lobes.cos_o, wi.x, cos_i), lobes.tail_weight);
+#endif
+    return vec4(along * around, 0.0);
 }
 
 vec3 fiber_lobes_value(FiberLobes lobes, vec4 densities) {
@@ -182,8 +199,19 @@ vec3 fiber_lobes_sample(FiberScattering s, FiberLobes lobes, inout uvec4 rng, ou
     vec4 around = uniform_around ? vec4(0.0) : (is_tt ? s.around_tt : s.around_trt);
     vec4 lane = vec4(is_r, is_tt, !uniform_around && !is_tt, is_grazing);
     float phi = fiber_azimuthal_sample(around, u.yz);
-    vec2 along = fiber_rejection(!fiber_is_vmf(s), s, lobes, beta, lane, around, rng, phi);
-    if (fiber_is_vmf(s)) along = fiber_vmf_sample(lobes.sin_o, lobes.cos_o, beta, random4(rng).xy);
+#if FIBER_TAILS > 0
+    bool in_tail = u.w < dot(lobes.tail_weight, lane.xyz);
+#else
+    const bool in_tail = false;
+#endif
+    vec2 along = fiber_rejection(!fiber_is_vmf(s) && !in_tail, s, lobes, beta, lane, around, rng, phi);
+    if (fiber_is_vmf(s) && !in_tail) along = fiber_vmf_sample(lobes.sin_o, lobes.cos_o, beta, random4(rng).xy);
+#if FIBER_TAILS > 0
+    if (in_tail) {
+        float spread = dot(lobes.tail_spread, lane.xyz);
+        along = fiber_tail_sample(lobes.sin_o, lobes.cos_o, spread, random4(rng).xy);
+    }
+#endif
 
     phi += is_tt ? PI : 0.0;
 #if FIBER_TABULATED > 0

@@ -17,6 +17,9 @@ struct FiberScattering {
     vec4 grow_around;  // gamma of TT and TRT for light along the fiber, less that at normal incidence
     vec4 grow_tt;  // rgb: C_TT T for light along the fiber, less energy_tt
     vec4 grow_trt;  // rgb: C_TRT (1 - T) for light along the fiber, less energy_trt
+    vec4 tail_weight;  // part of M in its tail
+    vec4 grow_tail;  // the same for light along the fiber, less tail_weight
+    vec4 tail_ratio;  // width of the tail over beta
 };
 
 const int FIBER_TABLE_CELLS = 64;

@@ -74,14 +74,19 @@ bool fiber_longitudinal_try(FiberProposal p, float normal, float u, inout float 
     return accepted;
 }
 
-// (sin theta_i, cos theta_i) of a von Mises-Fisher direction about the specular cone (d'Eon et al. 2013).
+// (sin theta_i, cos theta_i) of a direction whose angle to one of the specular cone has the cosine 1 - drop, in turn u.
+vec2 fiber_about_cone(float sin_o, float cos_o, float drop, float u) {
+    float side = sqrt(drop * (2.0 - drop));
+    float around = side * cos(TWO_PI * u);
+    float outward = (1.0 - drop) * cos_o + around * sin_o;
+    float across = side * sin(TWO_PI * u);
+    return vec2(around * cos_o - (1.0 - drop) * sin_o, sqrt(outward * outward + across * across));
+}
+
+// Of a von Mises-Fisher direction about the specular cone (d'Eon et al. 2013).
 vec2 fiber_vmf_sample(float sin_o, float cos_o, float beta, vec2 u) {
     float v = beta * beta;
     float keep = 1.0 - u.x;  // in (0, 1]
     float drop = min(2.0, -v * log(keep + (1.0 - keep) * exp(-2.0 / v)));
-    float side = sqrt(drop * (2.0 - drop));
-    float around = side * cos(TWO_PI * u.y);
-    float outward = (1.0 - drop) * cos_o + around * sin_o;
-    float across = side * sin(TWO_PI * u.y);
-    return vec2(around * cos_o - (1.0 - drop) * sin_o, sqrt(outward * outward + across * across));
+    return fiber_about_cone(sin_o, cos_o, drop, u.y);
 }

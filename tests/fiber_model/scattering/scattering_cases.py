@@ -68,6 +68,18 @@ def tabulated(parameters: FiberScatteringParameters, lobes: str, rows: int, knot
     return replace(parameters, **tables)
 
 
+def tailed(parameters: FiberScatteringParameters, weights, grazing_weights, ratios):
+    """The same with tails of R, TT, TRT; None where a lobe has none."""
+    values = {}
+    for lobe, weight, along, ratio in zip(("r", "tt", "trt"), weights, grazing_weights, ratios, strict=True):
+        values |= {
+            f"tail_weight_{lobe}": weight,
+            f"tail_weight_{lobe}_grazing": along,
+            f"tail_ratio_{lobe}": ratio,
+        }
+    return replace(parameters, **values)
+
+
 CORNERS = {
     "narrow": gray((0.5, 1.0, 2.0), 2.0, gamma_trt_deg=5.0),
     "wide": gray((60.0, 40.0, 20.0), 300.0, gamma_trt_deg=90.0),
@@ -101,6 +113,19 @@ CORNERS = {
         tabulated(gray((3.0, 4.0, 9.0), 30.0, gamma_trt_deg=60.0, azimuthal="von_mises"), "tt r", 2, 65),
         (4.0, 9.0, 20.0, 75.0, 90.0),
         0.3,
+    ),
+    "tails": tailed(gray((3.0, 8.0, 20.0), 40.0), (0.9, 0.3, 0.5), (None, 0.9, 0.0), (0.3, 1.5, 2.5)),
+    "tails corners": tailed(
+        gray((0.5, 60.0, 2.0), 300.0, gamma_trt_deg=20.0, azimuthal="von_mises"),
+        (1.0, 0.5, 0.5),
+        (1.0, None, 0.1),
+        (1.0, 1.5, 0.25),
+    ),
+    "tail of TT, grazing vmf": tailed(
+        grazing(gray((4.0, 2.0, 24.0), 40.0, longitudinal="vmf"), (8.0, 12.0, 45.0, 90.0, None), 0.0),
+        (None, 0.6, None),
+        (None, 0.1, None),
+        (None, 0.5, None),
     ),
     "table symmetric": tabulated(gray((6.0, 12.0, 24.0), 40.0, longitudinal="symmetric"), "r trt", 1, 33),
 }

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from weft.fiber_model.scattering.parameters import FiberScatteringParameters
-from weft.fiber_model.scattering.phase import azimuthal_widths, fiber_phase_pdf, longitudinal_widths
+from weft.fiber_model.scattering.phase import azimuthal_widths, fiber_phase_pdf, longitudinal_widths, tails
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
@@ -30,6 +30,11 @@ def theta_knots(parameters: FiberScatteringParameters, theta_o: float, *, steps:
     around = [
         -theta_o + beta * np.linspace(-7, 7, steps) for beta in longitudinal_widths(parameters, theta_o)
     ]
+    widths = [tail[1] for tail in tails(parameters, theta_o) if tail is not None]
+    far = np.concatenate([np.linspace(0, 7, steps), np.geomspace(7, 2000, steps)])
+    around += [-theta_o + side * width * far for width in widths for side in (-1, 1)]
+    if widths:  # a tail goes over the pole
+        around += [np.pi / 2 - np.geomspace(1e-5, 0.2, steps), np.geomspace(1e-5, 0.2, steps) - np.pi / 2]
     return _knots([*around, np.linspace(-1, 1, 31) * np.pi / 2], np.pi / 2)
 
 

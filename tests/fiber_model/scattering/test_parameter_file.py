@@ -58,7 +58,7 @@ def test_parameters_survive_the_way_through_degrees(name, tmp_path):
 
 def test_names_of_single_numbers():
     names = scalar_names()
-    assert len(names) == 2 * (5 + 1) + 4 * 3
+    assert len(names) == 2 * (5 + 1) + 4 * 3 + 3 * 3
     assert {"azimuthal_width_trt_deg", "fresnel_tt", "fresnel_r.b", "color_trt.r"} <= set(names)
 
 

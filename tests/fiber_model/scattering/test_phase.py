@@ -263,6 +263,15 @@ def test_samples_of_a_table_follow_it(rows):
             {"azimuthal_table_r": humps(1, 9, seed=1), "azimuthal_table_tt": humps(2, 9, seed=1)},
             "must have one shape",
         ),
+        ({"tail_weight_r": 0.5}, "tail_weight_r needs tail_ratio_r"),
+        ({"tail_weight_tt_grazing": 0.5, "tail_ratio_tt": 1.0}, "needs tail_weight_tt"),
+        ({"tail_weight_r": 1.5, "tail_ratio_r": 1.0}, "tail_weight_r is 1.5"),
+        ({"tail_weight_r": 0.5, "tail_ratio_r": 4.5}, r"must lie in \[0.25, 4\]"),
+        (
+            {"tail_weight_r": 0.5, "tail_ratio_r": 0.3, "longitudinal_width_r": radians(1.0)},
+            "tail of 0.3 deg",
+        ),
+        ({"tail_weight_r": 0.5, "tail_ratio_r": 1.0, "longitudinal": "symmetric"}, "cannot go with"),
     ],
 )
 def test_refuses_with_one_clear_line(changes, message):

@@ -36,7 +36,9 @@ def largest_errors(name, count):
     return np.abs((in_glsl - expected) / top).max(), np.abs((in_numpy - expected) / top).max()
 
 
-@pytest.mark.parametrize("name", ["reference", "vmf", "von Mises", "symmetric", "table grazing"])
+@pytest.mark.parametrize(
+    "name", ["reference", "vmf", "von Mises", "symmetric", "table grazing", "tails corners"]
+)
 def test_numpy_jax_and_glsl_agree(name):
     in_glsl, in_numpy = largest_errors(name, 4000)
     assert in_glsl < 1e-5
