@@ -143,6 +143,27 @@ TRACKING_MUTATIONS = (
         FIBER + "test_samples_follow_the_pdf",
     ),
     shader_fault(
+        "tails drawn 10 % too wide",
+        "phase/fiber_tail.glsl",
+        "float drop = min(2.0, 2.0 * spread * u.x / (spread + 2.0 * (1.0 - u.x)));",
+        "float drop = min(2.0, 2.4 * spread * u.x / (spread + 2.0 * (1.0 - u.x)));",
+        FIBER + "test_samples_follow_the_pdf[case38]",
+    ),
+    shader_fault(
+        "tails drawn, but not weighed",
+        "phase/fiber.glsl",
+        "wi.x, cos_i), lobes.tail_weight);",
+        "wi.x, cos_i), vec3(0.0));",
+        FIBER + "test_equals_its_twin[tails]",
+    ),
+    shader_fault(
+        "tails as often at every angle",
+        "phase/fiber.glsl",
+        "lobes.tail_weight = s.tail_weight.xyz + grazing * s.grow_tail.xyz;",
+        "lobes.tail_weight = s.tail_weight.xyz;",
+        FIBER + "test_equals_its_twin[tails]",
+    ),
+    shader_fault(
         "Henyey and Greenstein backward",
         "phase/henyey_greenstein.glsl",
         "vec3 sum = wo + wi;",
