@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from .fiber_kernels import Strand, open_strand, strand_count
+from .body_kernels import Strand
+from .fiber_kernels import open_strand, strand_count
 from .fiber_tables import FiberTables
 
 wp.set_module_options({"enable_backward": False})

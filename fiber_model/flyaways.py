@@ -12,7 +12,7 @@ stretch.
 
 Distances are measured in sqrt(e_X e_Y), so that they refer to the unit disc before it is stretched to the
 ellipse. Truncations: R_loop above the fiber's own peak, R_min at least 0, R_span above 0, each by drawing
-again. Twins in Warp: `fiber_kernels.loop_peak`, `fiber_kernels.hair_shape`.
+again. Twins in Warp: `body_kernels.loop_peak`, `hair_kernels.open_arc`.
 """
 
 from __future__ import annotations

@@ -10,19 +10,10 @@ from __future__ import annotations
 
 import warp as wp
 
-from .fiber_kernels import (
-    Strand,
-    body_point_at,
-    hair_point,
-    migration_peak,
-    node_index,
-    open_hair,
-    open_strand,
-    open_strand_point,
-    period_end,
-    strand_count,
-)
+from .body_kernels import Strand, body_point_at, migration_peak, node_index, period_end
+from .fiber_kernels import open_strand, open_strand_point, strand_count
 from .fiber_tables import FiberTables, Stretch, YarnParameters
+from .hair_kernels import hair_point, open_hair
 
 wp.set_module_options({"enable_backward": False})
 

@@ -11,7 +11,7 @@ import math
 
 import warp as wp
 
-from .kernels import hemisphere, largest_eigenvector
+from .axis_kernels import hemisphere, largest_eigenvector
 
 ROUNDS = 4
 """Of sharing out the axes among two clusters."""

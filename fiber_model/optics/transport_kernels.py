@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from weft.fiber_model.fiber_kernels import pcg4d
+from weft.fiber_model.random_kernels import pcg4d
 
 from .interface_kernels import (
     HALF,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import warp as wp
 
+from weft.voxelize.axis_kernels import hemisphere, largest_eigenvector
 from weft.voxelize.config import VoxelizeConfig
 from weft.voxelize.grid import FiberGrid
-from weft.voxelize.kernels import hemisphere, largest_eigenvector
 from weft.voxelize.voxelize import voxelize_segments
 
 RADIUS = 0.01
