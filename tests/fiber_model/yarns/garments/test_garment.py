@@ -1,15 +1,19 @@
 """Garments as asked for in a [yarns] table."""
 
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from pydantic import TypeAdapter, ValidationError
 
+from tests.jobs.dress_form import dress_form
 from weft.fiber_model.yarns.build import run
 from weft.fiber_model.yarns.catmull_rom import yarn_lengths
 from weft.fiber_model.yarns.config import YarnsConfig
+from weft.fiber_model.yarns.garments.mesh_files import read_mesh
 from weft.fiber_model.yarns.yarn_file import load_yarns, save_yarns
 from weft.files.errors import InputError
 
@@ -106,3 +110,31 @@ def test_bad_tables_are_refused(tmp_path, monkeypatch, table, message):
         (tmp_path / name).write_text("")
     with pytest.raises(ValidationError, match=message):
         CONFIG.validate_python({"kind": "garment"} | table)
+
+
+def test_the_arm_of_the_example_fits_into_its_sleeve():
+    """Every yarn stays outside of it, and within a few mm."""
+    job = tomllib.loads((Path(__file__).parents[4] / "configs/examples/sleeve.toml").read_text())
+    (arm,) = job["render"]["surfaces"]
+    yarns = run(CONFIG.validate_python(job["yarns"]))
+    from_axis = np.hypot(yarns.points[:, 0], yarns.points[:, 2]) - np.repeat(yarns.radius, yarns.point_counts)
+    assert 0.2 < from_axis.min() - arm["radius_mm"] < 2.0
+    low, high = yarns.bounds[:, 1]
+    (_, bottom, _), (_, top, _) = arm["points_mm"]
+    assert bottom < low < high < top
+
+
+def test_the_dress_form_stands_inside_of_the_shirt(shared_data):
+    """Closed, and nowhere nearer to the cloth than yarns are thick; at the chest no farther than a hand."""
+    from scipy.spatial import cKDTree
+
+    shirt = shared_data / "garments" / "unisex_shirt.usd"
+    cloth = read_mesh(shirt, scale_to_mm=10.0, up_axis=1)
+    form = trimesh.Trimesh(*dress_form(cloth.vertices, cloth.faces), process=False)
+    assert form.is_volume
+    surface = trimesh.Trimesh(cloth.vertices, cloth.faces, process=False)
+    on_cloth = np.asarray(trimesh.sample.sample_surface(surface, 40_000, seed=2)[0])
+    distance = cKDTree(trimesh.sample.sample_surface(form, 200_000, seed=3)[0]).query(on_cloth)[0]
+    assert distance.min() > 4.0
+    chest = (np.abs(on_cloth[:, 1] - 1300) < 60) & (np.abs(on_cloth[:, 0]) < 100)
+    assert np.median(distance[chest]) < 25.0
