@@ -33,10 +33,11 @@ def dress_form(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.
 
     cloth = trimesh.Trimesh(vertices, faces, process=False)
     points = np.asarray(trimesh.sample.sample_surface(cloth, SAMPLES, seed=1)[0])
+    points = points[np.argsort(points[:, 1])]
     angle = 2 * np.pi * np.arange(ANGLES) / ANGLES
     radius, depth = np.empty((len(HEIGHTS_MM), ANGLES)), np.empty(len(HEIGHTS_MM))
     for ring, y in enumerate(HEIGHTS_MM):
-        near = points[np.abs(points[:, 1] - y) < STEP_MM]
+        near = points[slice(*np.searchsorted(points[:, 1], (y - STEP_MM, y + STEP_MM)))]
         core = near[np.abs(near[:, 0]) < 40, 2]
         depth[ring] = 0.5 * (core.min() + core.max()) if y < SHOULDER_MM else depth[ring - 1]
         radius[ring] = np.minimum(_reach(near - [0, y, depth[ring]]), _torso(y, angle))
