@@ -115,28 +115,33 @@ def studio(directions: np.ndarray, rotation_deg: float) -> np.ndarray:
     turned = directions @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     walls = 0.04 + 0.06 * np.clip(turned[..., 1], 0, 1)
     radiance = walls[..., None] * np.array([1.0, 1.0, 1.0])
-    radiance = radiance + _softbox(turned, (-0.75, 0.75, 0.65), (0.55, 0.4), np.array([9.0, 8.6, 8.0]))
-    radiance = radiance + _softbox(turned, (0.95, 0.1, 0.5), (0.5, 0.6), np.array([0.8, 0.95, 1.2]))
-    return radiance + _softbox(turned, (0.45, 0.7, -0.7), (0.7, 0.15), np.array([5.0, 5.2, 5.6]))
+    _add_softbox(radiance, turned, (-0.75, 0.75, 0.65), (0.55, 0.4), np.array([9.0, 8.6, 8.0]))
+    _add_softbox(radiance, turned, (0.95, 0.1, 0.5), (0.5, 0.6), np.array([0.8, 0.95, 1.2]))
+    _add_softbox(radiance, turned, (0.45, 0.7, -0.7), (0.7, 0.15), np.array([5.0, 5.2, 5.6]))
+    return radiance
 
 
-def _softbox(
+def _add_softbox(
+    radiance: np.ndarray,
     directions: np.ndarray,
     middle: tuple[float, float, float],
     half_size: tuple[float, float],
     color: np.ndarray,
-) -> np.ndarray:
+) -> None:
     """A rectangle at distance 1 toward `middle`, brightest in its middle, soft over a tenth of its size."""
     n = np.array(middle) / np.linalg.norm(middle)
     right = np.cross([0.0, 1.0, 0.0], n)
     right /= np.linalg.norm(right)
     up = np.cross(n, right)
-    depth = directions @ n
-    safe = np.where(depth > 0.05, depth, 1.0)
-    x, y = np.abs(directions @ right) / safe / half_size[0], np.abs(directions @ up) / safe / half_size[1]
+    depth, across, upward = (np.reshape(directions @ axis, -1) for axis in (n, right, up))
+    seen = np.flatnonzero(depth > 0.05)
+    x = np.abs(across[seen]) / depth[seen] / half_size[0]
+    y = np.abs(upward[seen]) / depth[seen] / half_size[1]
+    inside = (x < 1.05) & (y < 1.05)
+    seen, x, y = seen[inside], x[inside], y[inside]
     edge = np.clip((1.05 - x) / 0.1, 0, 1) * np.clip((1.05 - y) / 0.1, 0, 1)
     falloff = 1 - 0.25 * np.clip(x**2 + y**2, 0, 2)
-    return (np.where(depth > 0.05, edge * falloff, 0.0))[..., None] * color
+    radiance.reshape(-1, 3)[seen] += (edge * falloff)[:, None] * color
 
 
 def sky(directions: np.ndarray, light: SkyLight) -> np.ndarray:
