@@ -50,10 +50,6 @@ SLOWEST_SAMPLING_LOOP = 8
 """Iterations of the phase function's rejection loop that the budget allows for, per round, on average."""
 
 
-FILM_BYTES = 1 << 27
-"""Of the sums on the device: the smallest storage block that OpenGL 4.3 guarantees."""
-
-
 @dataclass(frozen=True)
 class KernelOptions:
     """How the work is cut up. No choice here changes a bit of the picture."""
@@ -390,15 +386,8 @@ class Kernel:
 
     def release(self) -> None:
         """Give the device memory back."""
-        for buffer in (
-            self.cells,
-            self.bricks,
-            self.lights,
-            self.media,
-            self.states,
-            self.counters,
-            *self.pages,
-        ):
+        named = (self.cells, self.bricks, self.lights, self.media, self.states, self.counters)
+        for buffer in (*named, *self.pages):
             buffer.release()
         if self.film is not None:
             self.film.release()
