@@ -112,20 +112,21 @@ def measure_cycles(folder: Path, job: SpeedJob, *, march: bool) -> Measured:
 
 @pytest.fixture(scope="module")
 def weft(tmp_path_factory):
-    """As it is, and with light sampling at every scattering."""
+    """As it is, with samples spread by Sobol, and with light sampling at every scattering."""
     folder = tmp_path_factory.mktemp("weft")
     job = replace(JOB, samples=128)
-    plain = measure("weft", folder, replace(job, sampling="both_plain"))
-    usual = measure("weft", folder, job)
+    jobs = {"weft": job, "weft, sobol": replace(job, rng="sobol")}
+    jobs |= {"weft, both_plain": replace(job, sampling="both_plain")}
+    found = {name: measure("weft", folder, job) for name, job in jobs.items()}
     print(f"\n{job.voxels}^3 voxels, {job.resolution}^2 pixels, load {os.getloadavg()[0]:.1f}")
-    print(usual.line("weft"))
-    print(plain.line("weft, sampling = both_plain"))
-    return usual, plain
+    for name, measured in found.items():
+        print(measured.line(name))
+    return found
 
 
-def compare(name: str, weft: tuple[Measured, Measured], peer: Measured) -> None:
+def compare(name: str, weft: dict[str, Measured], peer: Measured) -> None:
     print("\n" + peer.line(name))
-    for label, ours in zip(("weft", "weft, both_plain"), weft, strict=True):
+    for label, ours in weft.items():
         (a, error_a), (b, error_b) = ours.mean, peer.mean
         z = (a - b) / np.hypot(error_a, error_b)
         print(

@@ -32,6 +32,8 @@ class SpeedJob:
     runs: int = 6
     sampling: str = "both"
     """weft's way to find light."""
+    rng: str = "pcg4d"
+    """weft's random numbers."""
 
     def scene(self) -> VolumeScene:
         """The optical depth per yarn is the same whatever the resolution of the grid."""
@@ -56,7 +58,9 @@ def _weft(job: SpeedJob) -> Callable[[int], np.ndarray]:
     from weft.renderer.scene import build_scene
 
     scene = job.scene()
-    config = render_config(scene, samples=job.samples, seed=0).model_copy(update={"sampling": job.sampling})
+    config = render_config(scene, samples=job.samples, seed=0).model_copy(
+        update={"sampling": job.sampling, "rng": job.rng}
+    )
     volume, phase = dense_volume(scene), {"fiber": phase_of(scene)}
     kernel = Kernel(shared_context(), build_scene(config, volume, phase), KernelOptions())
     base = kernel.scene
