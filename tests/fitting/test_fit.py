@@ -47,6 +47,20 @@ def test_noise_free_values_give_the_parameters_back():
     np.testing.assert_allclose([number.value for number in exact.fitted], truth, rtol=1e-6)
 
 
+@pytest.mark.proof
+def test_held_tails_come_through_and_the_rest_is_found():
+    """Values of a fiber with tails, fitted with these held; without them the widths come out wrong."""
+    held = {"tail_weight_r": 0.5, "tail_ratio_r": 1.5, "tail_weight_tt": 0.3, "tail_ratio_tt": 2.0}
+    held["tail_weight_tt_grazing"] = 0.6
+    truth, numbers = replace(TRUTH, **held), to_external_units(vector_of(TRUTH))
+    exact = synthetic(truth, noise=0.0)
+    fitted = run(config(noise={"kind": "uniform"}, **held), exact)
+    np.testing.assert_allclose([number.value for number in fitted.fitted], numbers, rtol=1e-6)
+    assert all(getattr(fitted.parameters, name) == value for name, value in held.items())
+    bare = run(config(noise={"kind": "uniform"}), exact)
+    assert abs(bare.fitted[1].value / numbers[1] - 1) > 0.05
+
+
 @pytest.mark.parametrize("kind", ["profile", "bootstrap"])
 def test_intervals_agree_with_the_covariance_where_the_data_are_good(kind, fitted):
     """Bootstrap bounds of 200 samples scatter by about a tenth of their distance (68 %) from the value."""
