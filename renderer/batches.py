@@ -11,7 +11,7 @@ import heapq
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,10 +24,11 @@ SMALLEST_SIDE = 8
 """Pixels below which no side is halved."""
 SMALLEST_HEIGHT = 2
 """Of a strip [pixels]."""
-STRIP_SHARE = 0.3
+STRIP_SHARE = 0.15
 """Of the pool, for what a strip sees; the strips before it stay as long as they have room."""
-RIM = 1 / 16
-"""Of a swath's width: so far into the swath before, a strip's bricks are loaded as well."""
+RIM_ACROSS, RIM_ALONG = 3 / 16, 1 / 8
+"""Of a swath's width: how far into the swath before, and beyond its own rows, bricks are loaded along with a
+strip where paths wait for them."""
 ROUNDING = 1e-3
 """Of the device's camera rays, at most [pixels]."""
 CELLS_PER_CHUNK = 1 << 18
@@ -185,16 +186,15 @@ def screen_strips(
         limit = int(capacity * STRIP_SHARE)
         strips = subdivide_screen(part, rows, footprints, layers, limit, strips=True)
         found += strips[::-1] if swath % 2 else strips
-    return [_with_rim(strip, columns, footprints) for strip in found]
+    return found
 
 
-def _with_rim(strip: RenderBatch, columns: range, footprints: Footprints) -> RenderBatch:
-    """With what paths need that go back a little into the swath that is done."""
-    first = max(strip.columns.start - math.ceil(RIM * len(strip.columns)), columns.start)
-    if first == strip.columns.start:
-        return strip
-    rim = seen_cells(range(first, strip.columns.start), strip.rows, footprints)
-    return replace(strip, cells=np.concatenate([strip.cells, np.setdiff1d(rim, strip.cells)]))
+def rim_of(strip: RenderBatch, wanted: np.ndarray, footprints: Footprints) -> np.ndarray:
+    """Those of the cells `wanted` that lie around a strip, or in the swath before beside it."""
+    across, along = (math.ceil(share * len(strip.columns)) for share in (RIM_ACROSS, RIM_ALONG))
+    columns = range(strip.columns.start - across, strip.columns.stop)
+    rows = range(strip.rows.start - along, strip.rows.stop + along)
+    return np.setdiff1d(_seen(footprints, wanted, columns, rows), strip.cells)
 
 
 def _halves(columns: range, rows: range, strips: bool) -> list[tuple[range, range]]:

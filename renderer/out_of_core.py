@@ -45,6 +45,8 @@ LOST_SHARE = 1 / 8
 """Of the lanes at work: so many should be idle or wait at the end of a dispatch, or else it is too long."""
 FEW_LANES = 64
 """Too few for their loss to matter."""
+RIM_PATHS = 3
+"""That wait for a cell near a strip, seen by a strip before: it is loaded again, along with this one."""
 RUNNING_SHARE = 0.7
 """Of the lanes: when fewer run, and no sample is left to begin, the rest is taken along to the next chunk."""
 
@@ -105,6 +107,8 @@ class OutOfCoreKernel(Kernel):
         rows = np.ascontiguousarray(state.lanes.transpose(1, 0, 2))
         self._put_aside(self._as_paths(rows, aside.film))
         self.strip, self.first_sample, self.last_sample = aside.strip, aside.first_sample, aside.last_sample
+        for strip in self.strips[: self.strip + 1]:
+            self.passed[strip.cells] = True
         if 0 <= self.strip < len(self.strips):
             self._load(self.strips[self.strip].cells)
         self.begun = state.taken
@@ -164,6 +168,7 @@ class OutOfCoreKernel(Kernel):
         self.paths = WaitingPaths(self.state_words, self.scene.film_layers)
         self.strip, self.first_sample, self.begun, self.busy = -1, work.samples.stop, 0, True
         self.last_sample, self.resident = NO_SAMPLE, self.pager.resident()
+        self.passed = np.zeros(len(self.resident), bool)
 
     def _next_chunk(self) -> None:
         """Load bricks until there is something to do, and begin it."""
@@ -184,7 +189,11 @@ class OutOfCoreKernel(Kernel):
         if self.strip < len(self.strips):
             self.strip += 1
         if self.strip < len(self.strips):
-            self._load(self.strips[self.strip].cells)
+            strip = self.strips[self.strip]
+            wanted = self.paths.wanted(RIM_PATHS)
+            rim = self.pager.rim(strip, wanted[self.passed[wanted]])
+            self._load(np.concatenate([strip.cells, rim]))
+            self.passed[strip.cells] = True
             self.first_sample = self.work.samples.start
             return True
         if len(self.paths):

@@ -14,6 +14,7 @@ from .batches import (
     RenderBatch,
     cell_footprints,
     occupied_cells,
+    rim_of,
     screen_strips,
     seen_cells,
     subdivide_screen,
@@ -173,6 +174,11 @@ class BrickPager:
                 )
             )
             self._write_table()
+
+    def rim(self, strip: RenderBatch, wanted: np.ndarray) -> np.ndarray:
+        """Cells to load along with a strip of the plan, of those that paths wait for."""
+        assert self._footprints is not None
+        return rim_of(strip, wanted, self._footprints)
 
     def cells_wanted(self, bricks: np.ndarray) -> np.ndarray:
         """The cell of each brick that a path waits for; `ANY_CELL` for those that wait for none."""

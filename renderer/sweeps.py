@@ -1,9 +1,10 @@
 """The order in which bricks are loaded for paths that wait: sweeps over the screen, as an elevator goes.
 
-A window as large as the pool slides through the cells in the order of swaths of the screen, up one and down
-the next; a sweep loads a brick at most once, and only where a path wants it. A path that needs what lies
-behind the window waits for the next sweep, whose swaths are shifted by half of their width: what was a border
-is now the middle.
+A sweep goes through the cells in the order of swaths of the screen, up one and down the next, and loads a
+brick at most once, and only where a path wants it, a few at a time. What it loaded stays until the pool is
+full of it, so the fewer bricks are wanted, the wider is the part of the screen to which paths can go back. A
+path that needs what has left waits for the next sweep, whose swaths are shifted by half of their width: what
+was a border is now the middle.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import numpy as np
 from .batches import Footprints
 
 WINDOW_SHARE = 0.9
-"""Of the pool, for the window; the rest is for bricks that were wanted before."""
-ASPECT = 3.0
+"""Of the pool, for what a sweep loaded last; the rest is for bricks that were wanted before."""
+STEP_SHARE = 0.05
+"""Of the pool, loaded at once: few, so that paths can still want what lies beside it."""
+ASPECT = 1.8
 """Width of a swath over the height of the window in it. Fewer swaths have fewer borders; higher windows let
 paths go back further."""
 STEPS_PER_SWATH = 16
-"""Of the window across its own width, as far as the order of cells tells them apart."""
+"""Of a window as large as the pool across its own width, as far as the order of cells tells them apart."""
 
 
 def swath_count(columns: range, rows: range, bricks: int, capacity: int) -> int:
@@ -31,7 +34,7 @@ def swath_count(columns: range, rows: range, bricks: int, capacity: int) -> int:
 
 
 class Sweeps:
-    """Where the window is; it only ever goes on."""
+    """How far a sweep is; it only ever goes on."""
 
     def __init__(
         self,
@@ -47,23 +50,26 @@ class Sweeps:
         self._down = np.clip((middle[:, 1] - rows.start) / len(rows), 0, 1)
         steps = STEPS_PER_SWATH * swaths * len(rows) / len(columns)
         self._step = 1 / max(round(steps), 1)
-        self._layers, self._span = layers, capacity * WINDOW_SHARE
-        self.number, self._place = -1, 0
+        self._layers, self._span, self._at_once = layers, capacity * WINDOW_SHARE, capacity * STEP_SHARE
+        self.number, self._place, self._loaded = -1, 0, np.zeros(0, np.int64)
         self._turn()
 
     def next_cells(self, wanted: np.ndarray) -> np.ndarray:
-        """Those of the cells `wanted` (one at least, each once) in the window, which moves on if it must."""
-        while True:
-            rank = self._rank[wanted]
-            ahead = rank >= self._place
-            if not ahead.any():
-                self._turn()
-                continue
-            limit = self._before[self._place] + self._span
-            inside = ahead & ((self._before[rank] < limit) | (rank == self._place))
-            if inside.any():
-                return wanted[inside][np.argsort(rank[inside], kind="stable")]
-            self._place = int(rank[ahead].min())
+        """The next of the cells `wanted` (one at least, each once) that the sweep comes by."""
+        while not (ahead := self._rank[wanted] >= self._place).any():
+            self._turn()
+        cells = wanted[ahead][np.argsort(self._rank[wanted[ahead]], kind="stable")]
+        counts = self._layers[cells]
+        cells = cells[np.cumsum(counts) <= max(self._at_once, counts[0])]
+        self._go_on(cells)
+        return cells
+
+    def _go_on(self, cells: np.ndarray) -> None:
+        """Past what leaves the pool when these are loaded."""
+        loaded = np.concatenate([self._loaded, cells])
+        left = np.cumsum(self._layers[loaded][::-1])[::-1] > self._span
+        self._place = max(self._place, int(self._rank[loaded[left]].max(initial=-1)) + 1)
+        self._loaded = loaded[~left]
 
     def _turn(self) -> None:
         """Begin the next sweep."""
@@ -73,6 +79,4 @@ class Sweeps:
         order = np.lexsort((np.floor(down / self._step), swath))
         self._rank = np.empty(len(order), np.int64)
         self._rank[order] = np.arange(len(order))
-        counts = self._layers[order]
-        self._before = np.cumsum(counts) - counts
-        self._place = 0
+        self._place, self._loaded = 0, np.zeros(0, np.int64)

@@ -75,9 +75,10 @@ class WaitingPaths:
             mine[places] = theirs
         self._ready = np.concatenate([self._ready, places[can_go_on]])
 
-    def wanted(self) -> np.ndarray:
-        """The cells that paths wait for, each once; none of the paths can go on."""
-        return np.unique(self._all.cells[self._all.cells >= 0])
+    def wanted(self, least: int = 1) -> np.ndarray:
+        """The cells that at least so many paths wait for, or could go on in, each once."""
+        cells, counts = np.unique(self._all.cells[self._all.cells >= 0], return_counts=True)
+        return cells[counts >= least]
 
     def look_again(self, resident: np.ndarray) -> None:
         """After bricks were loaded. `resident`: whether each cell is there, bool, shape [cell_count]."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from weft.renderer.batches import Footprints, screen_strips
+from weft.renderer.batches import Footprints, RenderBatch, rim_of, screen_strips
+from weft.renderer.residency import Residency
 from weft.renderer.sample_fold import Records, SampleFold
 from weft.renderer.sweeps import WINDOW_SHARE, Sweeps, swath_count
 
@@ -34,6 +35,37 @@ def test_a_sweep_comes_by_every_wanted_cell(capacity):
             assert len(cells) == 1 or layers[cells[:-1]].sum() <= capacity * WINDOW_SHARE
             assert np.isin(cells, wanted).all()
             wanted = np.setdiff1d(wanted, cells)
+
+
+@pytest.mark.parametrize("capacity", [20, 60, 150])
+def test_a_sweep_loads_no_brick_twice(capacity):
+    """Whatever of a volume larger than the pool is wanted next."""
+    footprints, layers = scattered_cells(400, 9)
+    sweeps = Sweeps(COLUMNS, ROWS, footprints, layers, capacity, 2)
+    residency, rng = Residency(np.cumsum(layers) - layers, layers, capacity), np.random.default_rng(10)
+    loaded, number = np.zeros(400, int), 0
+    for _ in range(300):
+        away = np.flatnonzero(~residency.resident())
+        cells = sweeps.next_cells(np.sort(rng.choice(away, rng.integers(1, 30), replace=False)))
+        if sweeps.number != number:
+            loaded[:], number = 0, sweeps.number
+        residency.admit(cells)
+        loaded[cells] += 1
+        assert loaded.max() == 1
+        assert residency.resident()[cells].all()
+    assert number > 3
+
+
+def test_the_rim_of_a_strip_lies_around_it_and_in_the_swath_before():
+    footprints, _ = scattered_cells(4000, 11)
+    inside = (footprints.low >= (40, 30)) & (footprints.high < (72, 40))
+    strip = RenderBatch(range(40, 72), range(30, 40), np.flatnonzero(inside.all(axis=1)))
+    wanted = np.arange(0, 4000, 3)
+    rim = rim_of(strip, wanted, footprints)
+    near = (footprints.low < (72, 44)) & (footprints.high >= (34, 26))
+    expected = np.setdiff1d(np.flatnonzero(near.all(axis=1)), strip.cells)
+    np.testing.assert_array_equal(rim, np.intersect1d(expected, wanted))
+    assert len(rim) > 10
 
 
 def test_neighbors_in_the_order_of_a_sweep_are_neighbors_on_the_screen():
