@@ -80,6 +80,8 @@ class OutOfCoreKernel(Kernel):
     """As `Kernel`, with the bricks of a pool."""
 
     pager: BrickPager
+    passed: np.ndarray
+    """Which cells strips have seen, this one too, bool, shape [cell_count]."""
     at_work: int
     """Lanes that have something to do when the next dispatch begins."""
 
