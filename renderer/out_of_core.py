@@ -198,8 +198,9 @@ class OutOfCoreKernel(Kernel):
             self.passed[strip.cells] = True
             self.first_sample = self.work.samples.start
             return True
-        if len(self.paths):
-            self._load(self.sweeps.next_cells(self.paths.wanted()))
+        wanted = self.paths.wanted()
+        if len(wanted):  # else those left were only taken off their lanes
+            self._load(self.sweeps.next_cells(wanted))
         return bool(len(self.paths))
 
     def _load(self, cells: np.ndarray) -> None:

@@ -55,7 +55,9 @@ class Sweeps:
         self._turn()
 
     def next_cells(self, wanted: np.ndarray) -> np.ndarray:
-        """The next of the cells `wanted` (one at least, each once) that the sweep comes by."""
+        """The next of the cells `wanted` (each once) that the sweep comes by. ValueError where none is."""
+        if not len(wanted):
+            raise ValueError("A sweep is for cells that paths want.")
         while not (ahead := self._rank[wanted] >= self._place).any():
             self._turn()
         cells = wanted[ahead][np.argsort(self._rank[wanted[ahead]], kind="stable")]

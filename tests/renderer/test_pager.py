@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,32 @@ def test_the_pool_changes_no_bit(scene):
         assert other.statistics.tracking_steps == usual.statistics.tracking_steps
         assert other.statistics.scattering_events == usual.statistics.scattering_events
         assert other.statistics.brick_uploads >= other.statistics.bricks_used > bricks
+
+
+@pytest.mark.gl
+def test_paths_go_on_where_none_waits_for_a_brick():
+    """The brick without a place lies where no path comes by: the last are only taken off their lanes."""
+    near = random_grid((2, 2, 2), seed=4, fill=0.5, peak=0.05)
+    far = np.array([[4000, 0, 0]], near.origins.dtype)
+    grid = dataclasses.replace(
+        near,
+        origins=np.concatenate([near.origins, far]),
+        density=np.concatenate([near.density, near.density[:1]]),
+        direction=np.concatenate([near.direction, near.direction[:1]]),
+    )
+    camera = OrthographicCamera(target_mm=(0.8, 0.8, 0.8), frame_width_mm=1.6)
+    config = CONFIG.model_copy(update={"camera": camera, "samples_per_pixel": 8})
+    usual, other = (
+        run(
+            config.model_copy(update={"brick_pool_mb": pool}),
+            volume(grid),
+            LOBES,
+            options=KernelOptions(lane_count=128),
+        )
+        for pool in (None, 8 * BRICK_MB)
+    )
+    np.testing.assert_array_equal(usual.radiance, other.radiance)
+    assert other.statistics.bricks_used <= 8
 
 
 @pytest.mark.gl
