@@ -281,7 +281,7 @@ class Kernel:
         if self.options.rounds_per_dispatch:
             return
         factor = min(2.0, max(0.25, factor))
-        self.rounds = int(np.clip(round(self.rounds * factor), 1, self.most_rounds))
+        self.rounds = min(max(round(self.rounds * factor), 1), self.most_rounds)
 
     @property
     def most_rounds(self) -> int:

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 FIRST_FOLD = 1 << 16
-"""Records that wait for an earlier one before it is tried again to add them."""
+"""Records that wait for an earlier one, or for others, before it is tried again to add them."""
+FEW_RECORDS = 1 << 13
+"""Are added together with later ones: adding takes a step for each number of a sample that occurs."""
 
 
 @dataclass
@@ -60,7 +62,7 @@ class SampleFold:
 
     def add(self, records: Records) -> None:
         """Finished samples, none twice."""
-        rest = self._fold(records)
+        rest = self._fold(records) if len(records.samples) > FEW_RECORDS else records
         if len(rest.samples):
             self.loose.append(rest)
         if sum(len(part.samples) for part in self.loose) > self._until_fold:
