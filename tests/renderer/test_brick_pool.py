@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.ndimage import distance_transform_cdt
 
 from weft.files.errors import InputError
+from weft.renderer import brick_pool
 from weft.renderer.brick_pool import DENSITY_LEVELS, EMPTY_CELL, build_brick_pool, empty_radius
 from weft.renderer.direction_encoding import DIRECTION_BITS, decode_axis, encode_axis
 
@@ -128,11 +128,15 @@ def test_bad_grids_are_refused_in_one_line():
         build_brick_pool([empty])
 
 
+@pytest.mark.parametrize("small_grid", [0, brick_pool.SMALL_GRID], ids=["by scipy", "by growing"])
 @pytest.mark.parametrize("share", [0.3, 0.02, 0.0])
-def test_small_grids_find_the_empty_boxes_that_scipy_finds(share):
+def test_empty_boxes_reach_to_the_nearest_cell(share, small_grid, monkeypatch):
+    """Found either way, against the distances to all occupied cells."""
+    monkeypatch.setattr(brick_pool, "SMALL_GRID", small_grid)
     rng = np.random.default_rng(5)
     for shape in ((7, 12, 9), (1, 1, 30), (16, 2, 5)):
         occupied = rng.random(shape) < share
         occupied[tuple(rng.integers(shape))] = True
-        expected = distance_transform_cdt(~occupied, metric="chessboard") - 1
-        np.testing.assert_array_equal(empty_radius(occupied), np.maximum(expected, 0))
+        apart = np.indices(shape).reshape(3, -1, 1) - np.argwhere(occupied).T[:, None]
+        distance = np.abs(apart).max(axis=0).min(axis=1).reshape(shape)
+        np.testing.assert_array_equal(empty_radius(occupied), np.maximum(distance - 1, 0))
